@@ -1,0 +1,73 @@
+"""The errors of surfuse: one root, one exit status each, messages that name value, limit and cure."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class SurfuseError(Exception):
+    """An error that a user can act on; its text says what is wrong, where, and what to do.
+
+    Parameters
+    ----------
+    what : what is wrong, with the offending value and the limit that it broke.
+    cure : what the user can do about it.
+    where : file, line, key or device, when that is not part of `what`.
+    """
+
+    exit_status = 1
+
+    def __init__(self, what: str, *, cure: str = "", where: str = "") -> None:
+        self.what = what
+        self.cure = cure
+        self.where = where
+        super().__init__(what, cure, where)
+
+    def __str__(self) -> str:
+        text = f"{self.where}: {self.what}" if self.where else self.what
+        return f"{text}; {self.cure}" if self.cure else text
+
+
+class UsageError(SurfuseError):
+    """The command line asks for something that does not exist."""
+
+    exit_status = 2
+
+
+class ConfigError(SurfuseError):
+    """A configuration value is missing, unknown or out of its limits."""
+
+    exit_status = 3
+
+
+class DataError(SurfuseError):
+    """A file or a record holds data that cannot be used."""
+
+    exit_status = 3
+
+
+class DeviceError(SurfuseError):
+    """A device does not answer, or answers nonsense."""
+
+    exit_status = 4
+
+
+class SafetyStopError(SurfuseError):
+    """A motion was refused or stopped because a limit would be, or was, exceeded."""
+
+    exit_status = 5
+
+
+class StorageError(SurfuseError):
+    """The disk refused, or what is on it is damaged."""
+
+    exit_status = 6
+
+
+def nearest(name: str, valid: Iterable[str]) -> str:
+    """Name the closest of the valid names, as the cure of an unknown-name error."""
+    names = sorted(valid)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    listing = ", ".join(names)
+    return f"did you mean '{close[0]}'? valid: {listing}" if close else f"valid: {listing}"

@@ -1,0 +1,1 @@
+"""Pure geometry: poses, polygons, serial chains. Knows nothing of sensors or files."""
