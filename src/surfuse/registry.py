@@ -46,5 +46,7 @@ def load(kind: str, name: str) -> ModuleType:
             cure=f"pip install {error.name}",
         ) from error
     if not isinstance(module, ModuleType):
-        raise ConfigError(f"entry point '{name}' of surfuse.{kind} is {module!r}, not a module", cure="point it at a module")
+        raise ConfigError(
+            f"entry point '{name}' of surfuse.{kind} is {module!r}, not a module", cure="point it at a module"
+        )
     return module

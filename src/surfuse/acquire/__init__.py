@@ -1,0 +1,1 @@
+"""Search, station (one stop), scan (the walk through the plan)."""

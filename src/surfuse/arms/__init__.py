@@ -1,0 +1,1 @@
+"""Arms; every file is a plug-in."""

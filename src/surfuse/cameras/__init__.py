@@ -1,0 +1,1 @@
+"""Camera drivers; every file is a plug-in."""

@@ -1,0 +1,1 @@
+"""Validation and the three degrees of confidence of the paper."""

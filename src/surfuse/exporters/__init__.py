@@ -1,0 +1,1 @@
+"""File formats of maps; every file is a plug-in, reader and writer together."""

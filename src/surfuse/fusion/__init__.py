@@ -1,0 +1,1 @@
+"""Fusion methods; every file is a plug-in."""

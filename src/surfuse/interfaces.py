@@ -1,0 +1,156 @@
+"""The Protocols on one page: what a camera, an arm, a range sensor, a fusion method and a file format must do.
+
+Devices are context managers without side effects in their constructors. Drivers are dumb: they neither validate nor
+fuse. A plug-in module offers the functions named in the last lines of each section.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self, runtime_checkable
+
+import numpy as np
+
+from surfuse.records import (
+    BoolArray,
+    ByteArray,
+    CameraModel,
+    Echo,
+    Fixture,
+    FloatArray,
+    FusedPoint,
+    FusionResult,
+    FusionScene,
+    JointState,
+    MapGrid,
+    Readings,
+    SensorSpec,
+    SurfaceMap,
+    Sweep,
+)
+
+
+class Device(Protocol):
+    """Anything with a connection: opened by `with`, closed on every way out."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+
+class Clock(Protocol):
+    """Time that only goes forward; simulated devices advance a simulated one."""
+
+    def now_s(self) -> float: ...
+    def advance(self, duration_s: float) -> None: ...
+
+
+class Camera(Device, Protocol):
+    """A monochrome camera. Plug-in: `create(...) -> Camera`."""
+
+    @property
+    def model(self) -> CameraModel: ...
+    def capture(self) -> tuple[ByteArray, float]:
+        """One image (H, W) uint8 and its time in seconds."""
+
+
+class Kinematics(Protocol):
+    """A serial arm of J joints with a named tool frame; base and tool transforms included."""
+
+    @property
+    def lower_rad(self) -> FloatArray: ...
+    @property
+    def upper_rad(self) -> FloatArray: ...
+    def forward(self, joints_rad: FloatArray) -> FloatArray:
+        """Pose of the tool in the world: (..., J) -> (..., 4, 4)."""
+
+    def inverse(self, world_from_tool: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """All solutions for poses (N, 4, 4): joints (N, K, J) and which of them reach the pose (N, K)."""
+
+
+class Arm(Device, Protocol):
+    """An arm that goes to joint positions and says where it is. Plug-in: `create(...) -> Arm`."""
+
+    @property
+    def kinematics(self) -> Kinematics: ...
+    def joint_state(self) -> JointState: ...
+    def move_to(self, joints_rad: FloatArray) -> JointState:
+        """Go there, settle, and return the state as reached.
+
+        Raises
+        ------
+        SafetyStopError : the target is outside a limit; the arm has not moved.
+        DeviceError : the arm did not get there.
+        """
+
+
+class RangeSensor(Device, Protocol):
+    """One ranger. Plug-in: `SPEC: SensorSpec` and `create(...) -> RangeSensor`."""
+
+    @property
+    def spec(self) -> SensorSpec: ...
+    def fire(self) -> Echo:
+        """One trigger, one averaged answer; no echo is an answer, not an error."""
+
+
+class RangeArray(Device, Protocol):
+    """The sensors of a fixture, fired one after the other."""
+
+    @property
+    def fixture(self) -> Fixture: ...
+    def sweep(self) -> tuple[Echo, ...]:
+        """One answer a sensor, in the order of the fixture."""
+
+
+@runtime_checkable
+class World(Protocol):
+    """All that a simulated device may feel of the twin: echoes and light, never the truth itself."""
+
+    def ping(
+        self, world_from_sensor: FloatArray, spec: SensorSpec, pings: int, t_s: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Ranges (pings,) and amplitudes (pings,) of repeated emissions from one pose."""
+
+    def image(self, camera: CameraModel, world_from_camera: FloatArray) -> ByteArray: ...
+    def repeatability(self, joints: int) -> FloatArray:
+        """Error (J,) rad that the arm makes at this stop."""
+
+    def begin(self, stage: str, index: int) -> None:
+        """Choose the random stream of a stop: it depends on seed, stage and index alone."""
+
+
+class FusionMethod(Protocol):
+    """Readings in, fused points (and perhaps a map) out, with explicit state.
+
+    Plug-in: `SUMMARY: str` (one line), `Parameters` (frozen dataclass, every field with unit suffix and default) and
+    `create(parameters: Parameters) -> FusionMethod`. Live (`start`, `step`, `finish`) and replayed (`replay`) fusion
+    give the same numbers to the last bit.
+    """
+
+    @property
+    def name(self) -> str: ...
+    def start(self, scene: FusionScene) -> object:
+        """A fresh state."""
+
+    def step(self, state: object, sweep: Sweep) -> FusedPoint:
+        """Take in one sweep: the state moves on, the point of this stop is returned."""
+
+    def finish(self, state: object, grid: MapGrid) -> FusionResult:
+        """All points so far; methods which need all readings at once make their map here."""
+
+    def replay(self, scene: FusionScene, readings: Readings, grid: MapGrid) -> FusionResult:
+        """The whole scan at once."""
+
+
+class MapFormat(Protocol):
+    """One file format of maps. Plug-in: `SUFFIXES: tuple[str, ...]`, `write`, and `read` where it can be read back."""
+
+    SUFFIXES: tuple[str, ...]
+
+    def write(self, path: Path, surface: SurfaceMap) -> None: ...
+    def read(self, path: Path) -> SurfaceMap: ...
+
+
+Generator = np.random.Generator

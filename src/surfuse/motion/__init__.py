@@ -1,0 +1,1 @@
+"""Trajectories, limits and clearances."""

@@ -1,0 +1,1 @@
+"""The run folder: log, map, configuration, resume."""

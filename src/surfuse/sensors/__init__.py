@@ -1,0 +1,1 @@
+"""Range sensors; every file is a plug-in."""

@@ -1,0 +1,1 @@
+"""Gridding, splines, comparison with truth, surface parameters."""

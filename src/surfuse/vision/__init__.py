@@ -1,0 +1,1 @@
+"""From picture to outline: threshold, boundary, dominant points, pixels to metres."""
