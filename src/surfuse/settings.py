@@ -1,0 +1,231 @@
+"""The validated configuration: what a person may write into a cell file or pass with `--set key.path=value`.
+
+Lengths in metres, angles in degrees: this is the one place, besides reports, where people type them. Every value has
+a default (the reference cell of the paper), a unit in its name and limits. Later sources win: defaults, cell file,
+`--set`, options of the command.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from surfuse.errors import ConfigError, nearest
+
+FILE_LIMIT_BYTES = 64 * 1024
+
+Length = Annotated[float, Field(gt=0.0, le=10.0)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+Plain = str | int | float | bool
+
+
+class Section(BaseModel):
+    """A table of the configuration: unknown keys and values that are not finite are refused."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+class SceneSettings(Section):
+    """What stands on the table of the simulated cell, and where."""
+
+    name: str = Field("relief", description="flat, tilted, relief, or the path of a mesh file (STL, PLY, OBJ)")
+    azimuth_deg: float = Field(35.0, ge=-180.0, le=180.0, description="direction of the part, seen from the arm")
+    radius_m: float = Field(1.05, gt=0.2, le=3.0, description="distance of the part's front from the first axis")
+    yaw_deg: float = Field(0.0, ge=-180.0, le=180.0, description="turn about the vertical, added to the scene's own")
+    tilt_deg: float = Field(0.0, ge=-90.0, le=90.0, description="lean away from the arm")
+    scale: float = Field(1.0, gt=0.0, description="factor on a mesh file's numbers (0.001 for millimetres)")
+    up: Literal["x", "y", "z"] = Field("z", description="axis of a mesh file that points up")
+    roughness: Fraction = Field(0.35, description="acoustic roughness of the part: 0 a mirror, 1 fully diffuse")
+
+
+class CellSettings(Section):
+    """The ring table."""
+
+    table_height_m: Length = 1.00
+    table_inner_radius_m: Length = 0.95
+    table_outer_radius_m: Length = 1.25
+
+
+class ArmSettings(Section):
+    """The arm and how it may move."""
+
+    name: str = "puma560"
+    base_height_m: float = Field(0.40, ge=0.0, le=3.0, description="height of the stand under the arm's base")
+    grip_offset_m: float = Field(0.08, gt=0.0, le=0.5, description="wrist centre to the faces of the transducers")
+    speed_share: float = Field(1.0, gt=0.0, le=1.0, description="share of the joint speeds and accelerations")
+    settle_s: float = Field(0.15, ge=0.0, le=10.0, description="rest after each move, before the array fires")
+    repeatability_mm: float = Field(0.1, ge=0.0, le=10.0, description="repeatability at the tool")
+    clearance_m: float = Field(0.005, ge=0.0, le=0.5, description="least distance of arm and tubes to table and part")
+
+
+class CameraSettings(Section):
+    """The camera on the shoulder; it turns with joint 1 and looks outward horizontally."""
+
+    width_px: int = Field(500, ge=64, le=10000)
+    height_px: int = Field(582, ge=64, le=10000)
+    fx_px: float = Field(520.0, gt=0.0)
+    fy_px: float = Field(760.0, gt=0.0)
+    height_m: float = Field(1.15, gt=0.0, le=5.0, description="height of the optical axis above the floor")
+    forward_m: float = Field(0.10, ge=-1.0, le=1.0, description="distance of the optical centre from the first axis")
+    noise_levels: float = Field(2.0, ge=0.0, le=64.0, description="sensor noise, standard deviation in grey levels")
+
+
+class SearchSettings(Section):
+    """The search for the part."""
+
+    increment_deg: float = Field(15.0, gt=0.0, le=60.0)
+    threshold: str = Field("otsu", description="otsu, maximum_entropy, uniform_error or minimum_error")
+    smallest_part_m: float = Field(0.03, gt=0.0, le=1.0)
+    tolerance_px: float = Field(1.5, gt=0.0, le=50.0, description="how far the outline may cut a corner")
+
+
+class ArraySettings(Section):
+    """The four rangers at the wrist."""
+
+    sensor: str = "polaroid"
+    side_m: float = Field(0.05, ge=0.01, le=0.5, description="side of the square, ds")
+    pings: int = Field(5, ge=1, le=100, description="emissions averaged for one reading")
+
+
+class KitSettings(Section):
+    """The ranging kit's parameters."""
+
+    frequency_hz: float = Field(63e3, ge=20e3, le=200e3)
+    cycles: int = Field(16, ge=1, le=64)
+    blanking_s: float = Field(1.9e-3, ge=0.0, le=0.02)
+    gain: float = Field(1.0, gt=0.0, le=1000.0)
+    tube_length_m: float = Field(0.20, ge=0.0, le=0.5)
+
+
+class AirSettings(Section):
+    """The air: what it is, and what the kit believes."""
+
+    temperature_c: float = Field(20.0, ge=-30.0, le=60.0)
+    assumed_temperature_c: float = Field(20.0, ge=-30.0, le=60.0)
+    humidity_percent: float = Field(50.0, ge=1.0, le=100.0)
+
+
+class ScanSettings(Section):
+    """The plan and the walk through it."""
+
+    standoff_m: Length = 0.43
+    margin_m: float = Field(0.02, ge=0.0, le=0.5)
+    step_m: float | None = Field(None, gt=0.0, le=0.5, description="default: a fifth of the array's side")
+
+
+class FusionSettings(Section):
+    """The fusion method, and parameters of any method by its name."""
+
+    method: str = "weighted_average"
+    parameters: dict[str, dict[str, Plain]] = Field(default_factory=dict)
+
+
+class Settings(Section):
+    """The whole configuration."""
+
+    seed: int = Field(1, ge=0, le=2**63 - 1)
+    scene: SceneSettings = SceneSettings()
+    cell: CellSettings = CellSettings()
+    arm: ArmSettings = ArmSettings()
+    camera: CameraSettings = CameraSettings()
+    search: SearchSettings = SearchSettings()
+    array: ArraySettings = ArraySettings()
+    kit: KitSettings = KitSettings()
+    air: AirSettings = AirSettings()
+    scan: ScanSettings = ScanSettings()
+    fusion: FusionSettings = FusionSettings()
+
+    @property
+    def step_m(self) -> float:
+        """Distance between stops: `s = ds / 5` unless set (paper, section 3.2)."""
+        return self.scan.step_m if self.scan.step_m is not None else self.array.side_m / 5.0
+
+
+def load(cell_file: Path | None = None, overrides: Iterable[str] = (), **sections: Mapping[str, object]) -> Settings:
+    """Defaults, then the cell file, then `key.path=value` overrides, then whole sections given by name.
+
+    Raises
+    ------
+    ConfigError : unreadable file, unknown key (with the nearest valid one), wrong type, value out of its limits.
+    """
+    tree = _read_toml(cell_file) if cell_file is not None else {}
+    where = str(cell_file) if cell_file is not None else "configuration"
+    for text in overrides:
+        _assign(tree, text)
+    for name, values in sections.items():
+        section = tree.setdefault(name, {})
+        if isinstance(section, dict):
+            section.update(values)
+    return from_tree(tree, where)
+
+
+def from_tree(tree: Mapping[str, object], where: str = "configuration") -> Settings:
+    """Validate a nested mapping of plain values."""
+    try:
+        return Settings.model_validate(dict(tree))
+    except ValidationError as error:
+        raise ConfigError(_explain(error), where=where) from error
+
+
+def _read_toml(path: Path) -> dict[str, object]:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ConfigError(
+            f"cannot read it ({error.strerror})", cure="give the path of a TOML file", where=str(path)
+        ) from error
+    if len(data) > FILE_LIMIT_BYTES:
+        raise ConfigError(
+            f"is {len(data)} bytes", cure=f"a configuration has at most {FILE_LIMIT_BYTES} bytes", where=str(path)
+        )
+    try:
+        return dict(tomllib.loads(data.decode("utf-8")))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        reason = "is nested too deeply" if isinstance(error, RecursionError) else f"is not valid TOML: {error}"
+        raise ConfigError(reason, cure="correct the file", where=str(path)) from error
+
+
+def _assign(tree: dict[str, object], text: str) -> None:
+    """Put one `key.path=value` into the tree; the value is read as TOML, else as a string."""
+    path, separator, value_text = text.partition("=")
+    keys = [key.strip() for key in path.split(".")]
+    if not separator or not all(keys):
+        raise ConfigError(
+            f"'{text}' is not of the form key.path=value", cure="write for example --set scan.margin_m=0.03"
+        )
+    try:
+        value: object = tomllib.loads(f"value = {value_text.strip()}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = value_text.strip()
+    node = tree
+    for key in keys[:-1]:
+        child = node.setdefault(key, {})
+        if not isinstance(child, dict):
+            raise ConfigError(f"'{path}' goes through '{key}', which is a value", cure="use a table's name there")
+        node = child
+    node[keys[-1]] = value
+
+
+def _explain(error: ValidationError) -> str:
+    """The first problem in one line: key, value, limit or nearest key."""
+    problem = error.errors(include_url=False)[0]
+    path = ".".join(str(part) for part in problem["loc"])
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    if problem["type"] == "extra_forbidden":
+        valid = _keys(tuple(str(part) for part in problem["loc"][:-1]))
+        return f"unknown key '{path}'{more}; {nearest(str(problem['loc'][-1]), valid)}"
+    return f"{path} = {problem['input']!r}: {problem['msg'][0].lower()}{problem['msg'][1:]}{more}"
+
+
+def _keys(path: tuple[str, ...]) -> tuple[str, ...]:
+    """Valid keys of the section at a path."""
+    model: type[BaseModel] = Settings
+    for part in path:
+        annotation = model.model_fields[part].annotation
+        candidates = [annotation, *get_args(annotation)]
+        model = next((c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)), Section)
+    return tuple(model.model_fields)
