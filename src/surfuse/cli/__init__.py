@@ -6,53 +6,21 @@ Nothing heavy is imported here, so that `surfuse --help` answers at once: every 
 from __future__ import annotations
 
 import importlib
+import os
 import pkgutil
 import sys
+from typing import NoReturn
 
 import typer
-from typer.core import TyperGroup
 
 from surfuse import __version__
-from surfuse.errors import SurfuseError
+from surfuse.errors import StorageError, SurfuseError, UsageError, nearest
 
 INTERRUPTED = 130
-
-
-class _Commands(TyperGroup):
-    """Turns errors into one clear line and the exit status of the contract."""
-
-    def invoke(self, ctx: typer.Context) -> object:  # type: ignore[override]
-        try:
-            return super().invoke(ctx)
-        except SurfuseError as error:
-            _fail(str(error), error.exit_status, error)
-        except KeyboardInterrupt as error:
-            _fail("interrupted; what was scanned is on disk: surfuse resume RUN goes on", INTERRUPTED, error)
-        except BrokenPipeError:
-            sys.stderr.close()
-            sys.exit(0)
-        except (OSError, MemoryError) as error:
-            _fail(f"{type(error).__name__}: {error}", 6, error)
-        except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError) as error:
-            _fail(f"internal error: {type(error).__name__}: {error}; run again with --debug and report it", 1, error)
-        return None
-
-
-def _fail(message: str, status: int, error: BaseException) -> None:
-    if DEBUG.enabled:
-        raise error
-    print(f"surfuse: {' '.join(message.split())}", file=sys.stderr)
-    sys.exit(status)
-
-
-class _Debug:
-    enabled = False
-
-
-DEBUG = _Debug()
+DEBUG = "--debug"
+ClickUsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # wherever typer keeps click
 
 app = typer.Typer(
-    cls=_Commands,
     name="surfuse",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -75,9 +43,9 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _root(
     version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Print the version."),
-    debug: bool = typer.Option(False, "--debug", help="Show tracebacks."),
+    debug: bool = typer.Option(False, DEBUG, help="Show a traceback with an error (any position)."),
 ) -> None:
-    DEBUG.enabled = debug
+    """Options before the command."""
 
 
 def _register() -> None:
@@ -87,7 +55,39 @@ def _register() -> None:
             importlib.import_module(f"{__name__}.{module}").register(app)
 
 
+def _check_command(arguments: list[str]) -> None:
+    """Name the nearest command of a misspelt one."""
+    commands = [command.name for command in app.registered_commands if command.name]
+    word = next((argument for argument in arguments if not argument.startswith("-")), None)
+    if word is not None and word not in commands and word not in [group.name for group in app.registered_groups]:
+        raise UsageError(f"unknown command '{word}'", cure=nearest(word, commands))
+
+
 def main() -> None:
-    """Entry point of the console script."""
-    _register()
-    app()
+    """Entry point of the console script: one clear line and the exit status of the contract for every error."""
+    arguments = [argument for argument in sys.argv[1:] if argument != DEBUG]
+    try:
+        _register()
+        _check_command(arguments)
+        outcome = app(args=arguments, standalone_mode=False)
+        sys.exit(outcome if isinstance(outcome, int) else 0)
+    except SurfuseError as error:
+        _fail(str(error), error.exit_status, error)
+    except ClickUsageError as error:
+        _fail(f"{error.format_message()} Try 'surfuse --help' or 'surfuse COMMAND --help'.", 2, error)
+    except (typer.Abort, KeyboardInterrupt) as error:
+        _fail("interrupted", INTERRUPTED, error)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except (OSError, MemoryError) as error:
+        _fail(f"{type(error).__name__}: {error}", StorageError.exit_status, error)
+    except Exception as error:
+        _fail(f"internal error: {type(error).__name__}: {error}; run again with {DEBUG} and report it", 1, error)
+
+
+def _fail(message: str, status: int, error: BaseException) -> NoReturn:
+    if DEBUG in sys.argv:
+        raise error
+    print(f"surfuse: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(status)

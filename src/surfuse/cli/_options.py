@@ -1,0 +1,54 @@
+"""Options that several commands share, and how results are printed."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Out = Annotated[Path | None, typer.Option("--out", help="Folder of the run; it must not exist yet.")]
+Cell = Annotated[Path | None, typer.Option("--cell", help="Cell file (TOML); default: the simulated reference cell.")]
+Method = Annotated[str | None, typer.Option("--method", help="Fusion method; 'surfuse methods' lists them.")]
+Set = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY.PATH=VALUE", help="Override one value; may be repeated.")
+]
+Seed = Annotated[int | None, typer.Option("--seed", help="Seed of everything that is random.")]
+Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout, nothing else there.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace the output file if it exists.")]
+
+
+def overrides(assignments: list[str] | None, method: str | None, seed: int | None) -> list[str]:
+    """`--set` values with the options that have a name of their own; these win."""
+    texts = list(assignments or [])
+    if method is not None:
+        texts.append(f'fusion.method="{method}"')
+    if seed is not None:
+        texts.append(f"seed={seed}")
+    return texts
+
+
+def print_json(result: object) -> None:
+    """Print one JSON document; numbers that JSON lacks become null."""
+    json.dump(_plain(result), sys.stdout, indent=2, allow_nan=False)
+    print()
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, float):
+        return value if value - value == 0.0 else None
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value if isinstance(value, str | int | bool | None) else str(value)
+
+
+def print_table(rows: list[tuple[str, str]]) -> None:
+    """Print label and value pairs in two columns."""
+    width = max((len(label) for label, _ in rows), default=0)
+    for label, value in rows:
+        print(f"{label:<{width}}  {value}")
