@@ -24,11 +24,11 @@ app = typer.Typer(
     name="surfuse",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
+    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
     help=(
         "A surface profiler from a robot arm, a camera and cheap range sensors.\n\n"
-        "Start with: **surfuse acquire** (the simulated cell) or **surfuse fuse readings.csv** (a log of your own).\n\n"
+        "Start with: surfuse acquire (the simulated cell) or surfuse fuse readings.csv (a log of your own).\n\n"
         "surfuse has no safety function; stops belong to the robot's controller."
     ),
 )

@@ -52,3 +52,19 @@ def print_table(rows: list[tuple[str, str]]) -> None:
     width = max((len(label) for label, _ in rows), default=0)
     for label, value in rows:
         print(f"{label:<{width}}  {value}")
+
+
+def toml_string(text: str) -> str:
+    """A text as a TOML basic string."""
+    return json.dumps(text)
+
+
+def show(
+    summary: dict[str, object], table: list[tuple[str, str]], as_json: bool, quiet: bool, complete: bool = True
+) -> int:
+    """Print the result one way, and give the exit status: 130 for an interrupted but resumable run."""
+    if as_json:
+        print_json(summary)
+    elif not quiet:
+        print_table(table)
+    return 0 if complete else 130

@@ -1,0 +1,47 @@
+"""`surfuse acquire`: the main job."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from surfuse.cli import _options as options
+
+HELP = """Find the part, outline it, plan, scan, fuse, report.
+
+\b
+Examples:
+    surfuse acquire    (the paper's relief)
+    surfuse acquire tilted --seed 3 --out runs/t3
+    surfuse acquire part.stl --set scene.scale=0.001 --set scene.yaw_deg=20
+    surfuse acquire flat --method median --json
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("acquire", help=HELP)(acquire)
+
+
+def acquire(
+    scene: Annotated[str | None, typer.Argument(help="flat, tilted, relief, or a mesh file on the table.")] = None,
+    out: options.Out = None,
+    cell: options.Cell = None,
+    method: options.Method = None,
+    assignments: options.Set = None,
+    seed: options.Seed = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> int:
+    """Run the main job."""
+    from surfuse import pipeline, settings
+    from surfuse.cli._progress import TerminalWatcher
+
+    texts = options.overrides(assignments, method, seed)
+    if scene is not None:
+        texts.append(f"scene.name={options.toml_string(scene)}")
+    configuration = settings.load(cell, texts)
+    with TerminalWatcher(quiet or as_json) as watcher:
+        outcome = pipeline.acquire(configuration, out, watcher)
+    return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)

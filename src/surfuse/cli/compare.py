@@ -1,0 +1,39 @@
+"""`surfuse compare`: fusion methods on equal readings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from surfuse.cli import _options as options
+
+HELP = """Run every fusion method on the same readings; with --truth, print the errors of each.
+
+\b
+Example:
+    surfuse compare readings.csv --truth truth.ply --out runs/methods
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("compare", help=HELP)(compare)
+
+
+def compare(
+    log: Annotated[Path, typer.Argument(help="Run folder, .mcap or .csv.")],
+    truth: Annotated[Path | None, typer.Option("--truth", help="Mesh or map.")] = None,
+    out: options.Out = None,
+    assignments: options.Set = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> int:
+    """Compare."""
+    from surfuse import pipeline
+    from surfuse.cli._progress import TerminalWatcher
+
+    with TerminalWatcher(quiet or as_json) as watcher:
+        outcome = pipeline.compare(log, truth, out, options.overrides(assignments, None, None), watcher)
+    return options.show(outcome.summary, outcome.table, as_json, quiet)

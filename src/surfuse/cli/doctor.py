@@ -1,0 +1,20 @@
+"""`surfuse doctor`: what is installed, connected, reachable, calibrated."""
+
+from __future__ import annotations
+
+import typer
+
+from surfuse.cli import _options as options
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("doctor", help="Say what is installed, connected, reachable and calibrated.")(doctor)
+
+
+def doctor(cell: options.Cell = None, assignments: options.Set = None, as_json: options.Json = False) -> int:
+    """Check."""
+    from surfuse import pipeline
+
+    outcome = pipeline.doctor(cell, list(assignments or []))
+    return options.show(outcome.summary, outcome.table, as_json, quiet=False)

@@ -1,0 +1,37 @@
+"""`surfuse report`: write the page of a run again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from surfuse.cli import _options as options
+
+HELP = """Write the report of a run (again).
+
+\b
+Examples:
+    surfuse report runs/mine --force
+    surfuse report runs/mine --file /tmp/mine.html
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("report", help=HELP)(report)
+
+
+def report(
+    run: Annotated[Path, typer.Argument(help="Run folder.")],
+    file: Annotated[Path | None, typer.Option("--file", help="Where to; default: report.html in the run.")] = None,
+    force: options.Force = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> int:
+    """Write the page."""
+    from surfuse import pipeline
+
+    outcome = pipeline.report(run, file, force)
+    return options.show(outcome.summary, outcome.table, as_json, quiet)

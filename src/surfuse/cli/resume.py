@@ -1,0 +1,36 @@
+"""`surfuse resume`: go on with an interrupted acquisition."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from surfuse.cli import _options as options
+
+HELP = """Go on with an interrupted acquisition, from the first stop that is not on disk.
+
+\b
+Example:
+    surfuse resume runs/relief-20260314-101500
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("resume", help=HELP)(resume)
+
+
+def resume(
+    run: Annotated[Path, typer.Argument(help="Folder of the interrupted run.")],
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> int:
+    """Finish the run."""
+    from surfuse import pipeline
+    from surfuse.cli._progress import TerminalWatcher
+
+    with TerminalWatcher(quiet or as_json) as watcher:
+        outcome = pipeline.resume(run, watcher)
+    return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)

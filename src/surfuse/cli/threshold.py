@@ -1,0 +1,38 @@
+"""`surfuse threshold`: the threshold methods on any picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from surfuse.cli import _options as options
+
+HELP = """Threshold a picture by one or all of the four methods.
+
+\b
+Examples:
+    surfuse threshold photo.png
+    surfuse threshold photo.png --method all --mask truth.png --json
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("threshold", help=HELP)(threshold)
+
+
+def threshold(
+    image: Annotated[Path, typer.Argument(help="Picture file.")],
+    method: Annotated[
+        str, typer.Option("--method", help="otsu, maximum_entropy, uniform_error, minimum_error, all.")
+    ] = "all",
+    mask: Annotated[Path | None, typer.Option("--mask", help="Reference mask: non-zero is the part.")] = None,
+    as_json: options.Json = False,
+) -> int:
+    """Threshold."""
+    from surfuse import pipeline
+
+    outcome = pipeline.threshold(image, method, mask)
+    return options.show(outcome.summary, outcome.table, as_json, quiet=False)
