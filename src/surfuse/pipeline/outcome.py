@@ -1,0 +1,44 @@
+"""What a command of the pipeline gives back, and how it tells where it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The result twice: plain data for machines, label and text for people.
+
+    `complete` is false when the user interrupted an acquisition that can be resumed.
+    """
+
+    summary: dict[str, object]
+    table: list[tuple[str, str]]
+    complete: bool = True
+
+
+class Watcher(Protocol):
+    """Told about progress, asked whether to stop."""
+
+    def stage(self, name: str, total: int = 1) -> None: ...
+    def advance(self, steps: int = 1) -> None: ...
+    def warn(self, text: str) -> None: ...
+    def stop_requested(self) -> bool: ...
+
+
+class SilentWatcher:
+    """A watcher that says nothing and never stops."""
+
+    def stage(self, name: str, total: int = 1) -> None:
+        """Ignore."""
+
+    def advance(self, steps: int = 1) -> None:
+        """Ignore."""
+
+    def warn(self, text: str) -> None:
+        """Ignore."""
+
+    def stop_requested(self) -> bool:
+        """Never."""
+        return False
