@@ -1,0 +1,23 @@
+"""dc3: the probability that a sensor points at the part, from where its footprint lies (section 3.2)."""
+
+from __future__ import annotations
+
+import math
+
+from surfuse.geometry.compiled import compiled
+
+
+@compiled
+def boundary_confidence(inside_m: float, scale_m: float) -> float:
+    """dc3 = 1 / (1 + exp(-d / scale)), d the signed distance of the footprint's centre to the outline in m.
+
+    Positive d is on the part; 1/2 on the boundary; 1 without an outline (d = +inf). The logistic is the sigmoid that
+    approximates the normal distribution function of an outline error with standard deviation 1.7 scale.
+    """
+    return 1.0 / (1.0 + math.exp(-inside_m / scale_m))
+
+
+@compiled
+def boundary_scale(footprint_m: float, share: float, floor_m: float) -> float:
+    """Scale of the sigmoid in m: a share of the footprint's radius, at least `floor_m`, the error of the outline."""
+    return max(share * footprint_m, floor_m)

@@ -1,0 +1,33 @@
+"""The standard deviation of a weighted average of a few readings."""
+
+from __future__ import annotations
+
+import math
+
+from surfuse.geometry.compiled import compiled
+from surfuse.records import FloatArray
+
+
+@compiled
+def sigma_of_average(weight: FloatArray, value_m: FloatArray, sigma_m: FloatArray, n: int, average_m: float) -> float:
+    """Standard deviation in m of sum(w m) / sum(w) over the first n readings; weights 0 take no part.
+
+    The larger of two estimates (internal and external error, Birge, Phys. Rev. 40 (1932) 207):
+    - from the readings' own sigma: sqrt(sum w^2 sigma^2) / sum w. Four equal readings of a facing plate: sigma / 2;
+    - from their scatter about the average: sqrt(sum w^2 (m - M)^2 / (sum w)^2 * n_e / (n_e - 1)), with the effective
+      number n_e = (sum w)^2 / sum w^2. Equal weights: the standard error s / sqrt(n). It shows where the readings
+      contradict each other (a step, a tilt, an outlier). With n_e near 1 there is no scatter to speak of.
+    """
+    total, squares, own, scatter = 0.0, 0.0, 0.0, 0.0
+    for s in range(n):
+        total += weight[s]
+    for s in range(n):
+        # Relative weights first: squares of tiny weights would underflow.
+        w = weight[s] / total
+        if w > 0.0:
+            squares += w * w
+            own += (w * sigma_m[s]) ** 2
+            scatter += (w * (value_m[s] - average_m)) ** 2
+    # With n_e = 1 / q: n_e / (n_e - 1) = 1 / (1 - q). One dominant reading (q near 1) leaves the scatter undetermined.
+    external = scatter / (1.0 - squares) if squares < 0.99 else 0.0
+    return math.sqrt(max(own, external))
