@@ -67,7 +67,17 @@ class Kinematics(Protocol):
         """Pose of the tool in the world: (..., J) -> (..., 4, 4)."""
 
     def inverse(self, world_from_tool: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """All solutions for poses (N, 4, 4): joints (N, K, J) and which of them reach the pose (N, K)."""
+        """All solutions for poses (N, 4, 4): joints (N, K, J), and which (N, K) reach the pose within the joint limits.
+
+        Column k is the same configuration of the arm in every row; joints are nan where the pose is out of reach.
+        """
+
+    @property
+    def singularities(self) -> tuple[str, ...]:
+        """Names of the singularities of the arm."""
+
+    def singularity_distance(self, joints_rad: FloatArray) -> FloatArray:
+        """How far joints (..., J) are from each named singularity: (..., len(singularities)) in [0, 1], 0 on it."""
 
 
 class Arm(Device, Protocol):
