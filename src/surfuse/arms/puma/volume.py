@@ -1,0 +1,30 @@
+"""The outer shape of the PUMA 560 as capsules, for clearance checks.
+
+Simplified from the published drawings of the arm (Unimation PUMA Mark II 500 series manual): trunk 0.2 m across,
+upper arm beside the trunk at the lateral offset of the shoulder, forearm tapering to the wrist.
+"""
+
+from __future__ import annotations
+
+from surfuse.motion.body import Capsule
+from surfuse.motion.obstacles import Column
+
+TOOL_LINK = 7  # of the link poses: base, links 1 to 6, tool
+_SHOULDER_HEIGHT_M = 0.67183
+
+UPPER_ARM = "upper arm"
+FOREARM = "forearm"
+WRIST = "wrist"
+
+CAPSULES = (
+    # The upper arm runs along -x of link 2, beside the trunk: its centre of gravity lies at z = 0.2275 m (Corke).
+    Capsule(UPPER_ARM, 2, (-0.4318, 0.0, 0.2275), (0.0, 0.0, 0.2275), 0.09),
+    Capsule(FOREARM, 3, (-0.0203, 0.0, 0.0), (-0.0203, 0.0, 0.20), 0.075),
+    Capsule(FOREARM, 3, (0.0, 0.0, 0.20), (0.0, 0.0, 0.4318), 0.055),
+    Capsule(WRIST, 6, (0.0, 0.0, 0.0), (0.0, 0.0, 0.03), 0.045),
+)
+
+
+def column(base_height_m: float) -> Column:
+    """Stand and trunk of the arm; the upper arm is bolted to it and runs beside it."""
+    return Column(top_m=base_height_m + _SHOULDER_HEIGHT_M, radius_m=0.10, ignores=(UPPER_ARM,))

@@ -1,0 +1,101 @@
+"""Clearance of an arm at many joint positions at once: the least distance to any obstacle, and who is nearest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from surfuse.errors import SafetyStopError
+from surfuse.motion.body import Body
+from surfuse.motion.obstacles import Obstacle
+from surfuse.records import FloatArray, IntArray
+
+_CHUNK = 2048  # joint positions at once: bounds the memory of the sphere centres
+
+
+@dataclass(frozen=True)
+class Clearances:
+    """Least distance (N,) in m (negative: overlap), and which part of the arm is nearest to which obstacle (N,)."""
+
+    distance_m: FloatArray
+    part: IntArray
+    obstacle: IntArray
+    parts: tuple[str, ...]
+    obstacles: tuple[str, ...]
+
+    def describe(self, i: int) -> str:
+        """Position i in words: "the sensor tube is 3 mm from the table"."""
+        millimetres = 1e3 * float(self.distance_m[i])
+        what, where = self.parts[int(self.part[i])], self.obstacles[int(self.obstacle[i])]
+        if millimetres < 0.0:
+            return f"the {what} would be {-millimetres:.0f} mm inside {where}"
+        return f"the {what} would be {millimetres:.0f} mm from {where}"
+
+
+@dataclass(frozen=True)
+class ClearanceModel:
+    """An arm's body in its surroundings; `link_poses` maps joints (N, J) to poses (N, L, 4, 4) in the world."""
+
+    link_poses: Callable[[FloatArray], FloatArray]
+    body: Body
+    obstacles: tuple[Obstacle, ...]
+
+    def __call__(self, joints_rad: FloatArray) -> Clearances:
+        """Clearances at joints (N, J); infinite where there is no obstacle, nan joints give nan distances."""
+        joints = np.atleast_2d(np.asarray(joints_rad, dtype=np.float64))
+        n = len(joints)
+        distance, part, obstacle = np.full(n, np.inf), np.zeros(n, np.int64), np.zeros(n, np.int64)
+        for first in range(0, n, _CHUNK):
+            rows = slice(first, first + _CHUNK)
+            centers = self.body.place(self.link_poses(joints[rows]))
+            for index, solid in enumerate(self.obstacles):
+                self._take_nearer(centers, index, solid, distance[rows], part[rows], obstacle[rows])
+        distance[~np.all(np.isfinite(joints), axis=1)] = np.nan
+        return Clearances(distance, part, obstacle, self.body.names, tuple(solid.name for solid in self.obstacles))
+
+    def _take_nearer(
+        self,
+        centers: FloatArray,
+        index: int,
+        solid: Obstacle,
+        distance: FloatArray,
+        part: IntArray,
+        obstacle: IntArray,
+    ) -> None:
+        """Update distance, part and obstacle (N,), in place, where this solid is nearer than those before it."""
+        kept = np.flatnonzero([self.body.names[p] not in solid.ignores for p in self.body.part])
+        if len(kept) == 0:
+            return
+        points = np.ascontiguousarray(centers[:, kept]).reshape(-1, 3)
+        gaps = solid.distance(points).reshape(len(centers), len(kept)) - self.body.radius_m[kept]
+        closest = np.argmin(gaps, axis=1)
+        least = gaps[np.arange(len(gaps)), closest]
+        nearer = least < distance
+        distance[nearer] = least[nearer]
+        part[nearer] = self.body.part[kept[closest[nearer]]]
+        obstacle[nearer] = index
+
+
+def check_move(
+    model: ClearanceModel, start_rad: FloatArray, end_rad: FloatArray, least_m: float, resolution_rad: float = 0.02
+) -> None:
+    """Refuse a straight joint move from start to end (J,) that comes nearer than `least_m` to an obstacle.
+
+    The move is sampled so that no joint turns further than `resolution_rad` between samples.
+
+    Raises
+    ------
+    SafetyStopError : names the part of the arm, the obstacle, the distance and the limit.
+    """
+    turn = float(np.max(np.abs(np.subtract(end_rad, start_rad)), initial=0.0))
+    t = np.linspace(0.0, 1.0, int(np.ceil(turn / resolution_rad)) + 2)[:, None]
+    clearances = model(start_rad + t * np.subtract(end_rad, start_rad))
+    i = int(np.argmin(clearances.distance_m))
+    if not clearances.distance_m[i] >= least_m:
+        raise SafetyStopError(
+            f"{clearances.describe(i)}, {100.0 * float(t[i, 0]):.0f} percent into a move; at least "
+            f"{1e3 * least_m:.0f} mm must be kept",
+            cure="move in two steps, or move the part",
+        )
