@@ -125,8 +125,9 @@ class Catalogue:
     def _encode_reading(self, reading: Reading) -> Frame:
         range_raw = self._range_none
         if reading.status is Status.OK:
-            if not 0.0 < reading.range_m < math.inf:
-                raise DataError(f"range {reading.range_m} m with status OK", cure="give a positive finite range")
+            if not 0.0 < reading.range_m < math.inf or reading.pings == 0:
+                what = f"range {reading.range_m} m of {reading.pings} pings with status OK"
+                raise DataError(what, cure="give a positive finite range of at least one ping")
             range_raw = round(reading.range_m * self._range_per_m)
             if not 0 < range_raw < self._range_none:
                 limit = self._range_none / self._range_per_m

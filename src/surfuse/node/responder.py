@@ -76,7 +76,8 @@ class Responder:
     catalogue : the messages.
     pings : readings that are taken of a sensor for one answer, 1 to 31; the kit message changes it.
     average : makes one answer of them; needed when `pings` > 1.
-    configure : takes the kit parameters of one sensor; raises a `SurfuseError` to refuse. None: nothing to set.
+    configure : takes the kit parameters of one sensor; raises a `SurfuseError` to refuse. None: only `pings` is heeded,
+        and only with an average.
     air : held while a sensor is in the air; share it among nodes that hear each other.
     """
 
@@ -166,7 +167,7 @@ class Responder:
             echo, code = self._fire(sensor)
             try:
                 self._answers[sensor] = self._told(sensor, echo)
-                frames = self._encoded(sensor, attempt)
+                self._encoded(sensor, attempt)
             except DataError:
                 echo, code = _WRONG_NUMBER, FaultCode.VALUE_OUT_OF_RANGE
                 self._answers[sensor] = self._told(sensor, echo)
@@ -193,12 +194,18 @@ class Responder:
     def _told(self, sensor: int, echo: Echo) -> tuple[Reading, EchoDetail]:
         """An echo in the words of the bus."""
         who, sequence = self._identity, self._sequence
-        since_us = 0 if math.isnan(echo.t_s) else round((echo.t_s - self._accepted_s) * _US_PER_S)
+        since_s = echo.t_s - self._accepted_s
+        if not math.isfinite(since_s):
+            if echo.status is not Status.FAULT:
+                raise DataError(f"an echo at t_s = {echo.t_s}", cure="give the moment of the first emission")
+            since_s = 0.0
         spread_m = echo.spread_m if math.isfinite(echo.spread_m) else math.nan
         reading = Reading(
             who.node, sensor, sequence, who.session, echo.status, echo.count, echo.range_m, spread_m, attempt=0
         )
-        detail = EchoDetail(who.node, sensor, sequence, who.session, since_us, 0, self._accepted, echo.amplitude)
+        detail = EchoDetail(
+            who.node, sensor, sequence, who.session, round(since_s * _US_PER_S), 0, self._accepted, echo.amplitude
+        )
         return reading, detail
 
     def _kit(self, sampling: KitSampling) -> Iterator[Frame]:
@@ -210,12 +217,13 @@ class Responder:
         mask = sum(1 << sensor for sensor in sensors)
         try:
             settings = KitSettings(*half[3:], sampling.sample_rate_hz, sampling.trigger_source, sampling.pings)
-            if sensors[-1] >= len(self._sensors) or (settings.pings > 1 and self._average is None):
-                raise ConfigError("no such sensor, or no average for several pings")
+            if sensors[-1] >= len(self._sensors) or (self._configure is None and self._average is None):
+                raise ConfigError("no such sensor, or nothing to set")
             for sensor in sensors:
                 if self._configure is not None:
                     self._configure(sensor, settings)
-                self._pings[sensor] = settings.pings
+                if self._average is not None:
+                    self._pings[sensor] = settings.pings
         except SurfuseError:
             yield self._fault(sampling.sequence, FaultCode.KIT_REFUSED, sampling.sensor, 0)
             yield self._acknowledge(Subject.KIT, sampling.sequence, Result.REFUSED, 0, mask & 0xFFFF)

@@ -1,0 +1,264 @@
+"""The host's side of the conversation with one node: roll call, sweeps asked for until they are whole, kit settings."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+
+from surfuse.errors import DeviceError
+from surfuse.interfaces import Clock
+from surfuse.node.catalogue import Catalogue, Rejection
+from surfuse.node.counters import Event, Tally
+from surfuse.node.exchange import Exchange
+from surfuse.node.link import Arrival, Link
+from surfuse.node.messages import (
+    ALL_SENSORS,
+    MAX_ATTEMPTS,
+    Acknowledge,
+    EchoDetail,
+    FaultReport,
+    Heartbeat,
+    KitPulse,
+    KitSampling,
+    KitSettings,
+    Query,
+    Reading,
+    Result,
+    Subject,
+)
+from surfuse.node.patience import Patience
+from surfuse.node.watch import NodeWatch, Verdict
+from surfuse.records import SensorSpec
+
+_REJECTED = {
+    Rejection.FOREIGN: Event.FOREIGN,
+    Rejection.WRONG_LENGTH: Event.WRONG_LENGTH,
+    Rejection.UNKNOWN_WORD: Event.UNKNOWN_WORD,
+    Rejection.SENTINEL: Event.CONTRADICTORY,
+}
+_QUERY_PAUSE_S = 0.2
+_REMEMBERED_SWEEPS = 8
+
+
+class NodeClient:
+    """One node, asked over a link that is open.
+
+    Parameters
+    ----------
+    node : its address, 1 to 7.
+    specs : spec of each sensor that is asked, by its number in the node.
+    patience : waiting and asking again.
+    wave_speed_max_m_s : see `Exchange`.
+    monotonic_s : measures the waiting, which is real also when `clock` is simulated.
+    """
+
+    def __init__(
+        self,
+        node: int,
+        specs: dict[int, SensorSpec],
+        patience: Patience,
+        link: Link,
+        catalogue: Catalogue,
+        clock: Clock,
+        tally: Tally,
+        *,
+        wave_speed_max_m_s: float = 400.0,
+        monotonic_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._node, self._specs, self._patience, self._speed_m_s = node, specs, patience, wave_speed_max_m_s
+        self._link, self._catalogue, self._clock, self._tally = link, catalogue, clock, tally
+        self._monotonic_s = monotonic_s
+        self._epoch = 0
+        self._sequence = 0
+        self._kit_sequence = 0
+        self._current: Exchange | None = None
+        self._past: deque[Exchange] = deque()
+        self._settings: dict[int, KitSettings] = {}
+        self._kit_answer: Acknowledge | None = None
+        self._unconfigured = False
+        self.watch = NodeWatch()
+
+    def connect(self) -> None:
+        """Wait for the node, and for a second one with its id.
+
+        Raises
+        ------
+        DeviceError : no heartbeat came, or two boards sent one.
+        """
+        start_s = self._monotonic_s()
+        # Numbers of an earlier run of the host must not look like ours.
+        self._epoch = int(start_s * 1e6) & 0xFFFF
+        self._sequence = self._epoch & 0xFF
+        give_up_s = start_s + self._patience.connect_timeout_s
+        while self.watch.last_heartbeat is None:
+            if self._monotonic_s() >= give_up_s:
+                raise self.lost()
+            self._link.send(self._catalogue.encode(Query(self._node, 0, self._epoch)))
+            self._gather(_QUERY_PAUSE_S, until_heartbeat=True)
+        self._gather(self._patience.roll_call_s, until_heartbeat=False)
+        if len(self.watch.boards) > 1:
+            raise self.lost()
+
+    def close(self) -> None:
+        """Count what the last sweeps still lack."""
+        if self._current is not None:
+            self._past.append(self._current)
+            self._current = None
+        while self._past:
+            self._past.popleft().close()
+
+    def ask(self) -> Exchange:
+        """Have all sensors fired once, and ask until their answers are whole, void, or given up."""
+        exchange = self._begin()
+        patience = self._patience
+        wait_s, heard_s = patience.answer_timeout_s, self._monotonic_s()
+        while exchange.attempts < MAX_ATTEMPTS:
+            if self._unconfigured:
+                self._configure_again()
+            exchange.void = exchange.void or len(self.watch.boards) > 1
+            news = exchange.news
+            self._link.send(self._catalogue.encode(exchange.trigger(self._clock.now_s())))
+            self._listen(exchange, min(wait_s, patience.silence_limit_s))
+            if exchange.void or not exchange.missing:
+                break
+            if exchange.news > news:
+                wait_s, heard_s = patience.answer_timeout_s, self._monotonic_s()
+                continue
+            silent_s = self._monotonic_s() - heard_s
+            if silent_s >= patience.silence_limit_s:
+                break
+            wait_s = min(2.0 * wait_s, patience.silence_limit_s - silent_s)
+        exchange.over = True
+        return exchange
+
+    def configure(self, number: int, settings: KitSettings) -> None:
+        """Set the kit parameters of one sensor (15: of all); they are sent again after a restart of the node.
+
+        Raises
+        ------
+        DeviceError : the node refuses them, or does not answer.
+        """
+        self._tell(number, settings)
+        if number == ALL_SENSORS:
+            self._settings.clear()
+        self._settings[number] = settings
+
+    def lost(self) -> DeviceError:
+        """The error that says why the node cannot be used."""
+        where = f"sensor node {self._node}"
+        boards = ", ".join(map(str, sorted(self.watch.boards)))
+        if len(self.watch.boards) > 1:
+            return DeviceError(f"two boards answer ({boards})", cure="give each node an id of its own", where=where)
+        counts = self._tally.snapshot()
+        what = (
+            f"no trustworthy answer ({counts.frames} frames received, {counts.unanswered} triggers unanswered, "
+            f"{counts.conflicts} conflicts, {counts.restarts} restarts, {counts.receive_errors} receive errors)"
+        )
+        return DeviceError(what, cure="check power, wiring, bitrate and id; see `surfuse devices`", where=where)
+
+    def _begin(self) -> Exchange:
+        if self._current is not None:
+            self._past.append(self._current)
+        if len(self._past) > _REMEMBERED_SWEEPS:
+            self._past.popleft().close()
+        self._sequence = (self._sequence + 1) % 256
+        self._current = Exchange(self._node, self._sequence, self._epoch, self._specs, self._tally, self._speed_m_s)
+        return self._current
+
+    def _listen(self, exchange: Exchange, wait_s: float) -> None:
+        deadline_s = self._monotonic_s() + wait_s
+        while exchange.missing and not exchange.void:
+            left_s = deadline_s - self._monotonic_s()
+            if left_s <= 0.0:
+                return
+            arrival = self._link.receive(left_s)
+            if arrival is None:
+                continue
+            news = exchange.news
+            self._take(arrival)
+            if exchange.news > news:
+                pause_s = min(wait_s, self._patience.reorder_grace_s) if exchange.answered else wait_s
+                deadline_s = self._monotonic_s() + pause_s
+
+    def _gather(self, duration_s: float, *, until_heartbeat: bool) -> None:
+        deadline_s = self._monotonic_s() + duration_s
+        while (left_s := deadline_s - self._monotonic_s()) > 0.0:
+            arrival = self._link.receive(left_s)
+            if arrival is not None:
+                self._take(arrival)
+            if until_heartbeat and self.watch.last_heartbeat is not None:
+                return
+
+    def _take(self, arrival: Arrival) -> None:
+        message = self._catalogue.decode(arrival.frame)
+        if isinstance(message, Rejection):
+            self._tally.add(_REJECTED[message])
+        elif message.node != self._node:
+            self._tally.add(Event.FOREIGN)
+        elif isinstance(message, Heartbeat):
+            self._judge(self.watch.hear(message))
+        elif isinstance(message, FaultReport):
+            self._tally.add(Event.NODE_FAULTS)
+        elif isinstance(message, Acknowledge) and message.subject is Subject.KIT:
+            self._kit_answer = message
+        elif isinstance(message, Reading | EchoDetail | Acknowledge):
+            self._route(message, arrival.t_s)
+        else:
+            self._tally.add(Event.FOREIGN)
+
+    def _route(self, message: Reading | EchoDetail | Acknowledge, arrival_s: float) -> None:
+        current = self._current
+        if current is not None and message.sequence == current.sequence:
+            if self._judge(self.watch.see(message.session)) is Verdict.SAME:
+                current.session = message.session
+                current.accept(message, arrival_s)
+            return
+        for exchange in reversed(self._past):
+            if exchange.sequence == message.sequence:
+                if exchange.session == message.session:
+                    exchange.accept(message, arrival_s)
+                else:
+                    self._judge(self.watch.see(message.session))
+                return
+        self._tally.add(Event.UNSOLICITED)
+
+    def _judge(self, verdict: Verdict) -> Verdict:
+        if verdict is not Verdict.SAME:
+            self._tally.add(Event.RESTARTS if verdict is Verdict.RESTARTED else Event.CONFLICTS)
+            self._unconfigured = self._unconfigured or verdict is Verdict.RESTARTED
+            if self._current is not None and not self._current.over:
+                self._current.void = True
+        return verdict
+
+    def _configure_again(self) -> None:
+        self._unconfigured = False
+        for number, settings in self._settings.items():
+            self._tell(number, settings)
+
+    def _tell(self, number: int, settings: KitSettings) -> None:
+        self._kit_sequence = (self._kit_sequence + 1) % 256
+        head = self._node, self._kit_sequence, number
+        pulse = KitPulse(*head, settings.frequency_hz, settings.cycles, settings.blanking_us, settings.gain_db)
+        sampling = KitSampling(*head, settings.trigger_source, settings.sample_rate_hz, settings.pings)
+        for _ in range(MAX_ATTEMPTS):
+            self._link.send(self._catalogue.encode(pulse))
+            self._link.send(self._catalogue.encode(sampling))
+            result = self._kit_result()
+            if result is Result.ACCEPTED:
+                return
+            if result is not None:
+                cure = "ask for what its kit can do"
+                raise DeviceError(f"refuses {settings}", cure=cure, where=f"sensor node {self._node}")
+        raise self.lost()
+
+    def _kit_result(self) -> Result | None:
+        deadline_s = self._monotonic_s() + self._patience.answer_timeout_s
+        while (left_s := deadline_s - self._monotonic_s()) > 0.0:
+            arrival = self._link.receive(left_s)
+            if arrival is not None:
+                self._take(arrival)
+            answer = self._kit_answer
+            if answer is not None and answer.sequence == self._kit_sequence:
+                return answer.result
+        return None
