@@ -126,6 +126,35 @@ class CameraFrame:
 
 
 @dataclass(frozen=True)
+class Detection:
+    """A part as the camera sees it: its boundary (N, 2) x, y in pixels of the picture, pixel centres at whole numbers.
+
+    `holes_px` are the boundaries of its holes; `centroid_px` (2,) and `area_px` belong to its pixels without holes;
+    `touches_border` says that the picture may cut it; `level` is the grey level that divided the picture, and
+    `separability` in [0, 1] how clearly; `confidence` in [0, 1] is the share of the boundary that is a real edge.
+    """
+
+    contour_px: FloatArray
+    centroid_px: FloatArray
+    area_px: float
+    touches_border: bool
+    level: int
+    separability: float
+    confidence: float
+    holes_px: tuple[FloatArray, ...] = ()
+
+    def __post_init__(self) -> None:
+        _own(self, np.float64, contour_px=(None, 2), centroid_px=(2,))
+        if len(self.contour_px) < 3:
+            raise DataError(f"a detection needs at least 3 contour points, this one has {len(self.contour_px)}")
+        holes = tuple(
+            np.asarray(_owned(hole, np.float64, "Detection.holes_px", (None, 2)), dtype=np.float64)
+            for hole in self.holes_px
+        )
+        object.__setattr__(self, "holes_px", holes)
+
+
+@dataclass(frozen=True)
 class Outline:
     """The part's boundary as dominant points in the part frame: (N, 2) u, v in m, counter-clockwise, not repeated.
 

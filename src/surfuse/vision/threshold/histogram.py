@@ -42,7 +42,7 @@ def histogram(image: ByteArray) -> IntArray:
         )
     if image.size == 0:
         raise DataError("the image has no pixels", cure="give an image of at least one pixel")
-    counts: FloatArray = cv2.calcHist([np.ascontiguousarray(image)], [0], None, [LEVELS], [0, LEVELS])
+    counts = cv2.calcHist([np.ascontiguousarray(image)], [0], None, [LEVELS], [0, LEVELS])
     return counts.ravel().astype(np.int64)
 
 

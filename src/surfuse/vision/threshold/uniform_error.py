@@ -44,12 +44,16 @@ def block_counts(image: ByteArray) -> BlockCounts:
         raise DataError(f"an image of shape {image.shape} has no 2 x 2 block", cure="give at least 2 x 2 pixels")
     a, b, c, d = (np.ascontiguousarray(image[i:rows:2, j:columns:2]) for i in (0, 1) for j in (0, 1))
     # A sorting network of five comparisons, each on whole images.
-    a, b = cv2.min(a, b), cv2.max(a, b)
-    c, d = cv2.min(c, d), cv2.max(c, d)
-    smallest, b_or_c_low = cv2.min(a, c), cv2.max(a, c)
-    b_or_c_high, largest = cv2.min(b, d), cv2.max(b, d)
-    second, third = cv2.min(b_or_c_low, b_or_c_high), cv2.max(b_or_c_low, b_or_c_high)
+    a, b = _sorted_pair(a, b)
+    c, d = _sorted_pair(c, d)
+    smallest, middle_low = _sorted_pair(a, c)
+    middle_high, largest = _sorted_pair(b, d)
+    second, third = _sorted_pair(middle_low, middle_high)
     return BlockCounts(histogram(smallest), histogram(second), histogram(third), histogram(largest))
+
+
+def _sorted_pair(a: ByteArray, b: ByteArray) -> tuple[ByteArray, ByteArray]:
+    return np.asarray(cv2.min(a, b), dtype=np.uint8), np.asarray(cv2.max(a, b), dtype=np.uint8)
 
 
 def from_blocks(blocks: BlockCounts) -> int:
