@@ -36,6 +36,15 @@ LIMITS = JointLimits(
 # Joint angle of one encoder count (Trident ROBOT.C v4.3; 800 to 1000 counts a motor turn through the gears).
 ENCODER_RAD_PER_COUNT = (1.0035e-4, 7.3156e-5, 1.17e-4, 8.2663e-5, 8.7376e-5, 8.1885e-5)
 
+# Stand under the pedestal in the cell with the ring table (height 1.00 m): a part on the table, scanned from 0.43 m
+# with the array 0.08 m in front of the wrist, then lies in the middle of the reach of one configuration (right arm,
+# elbow up, wrist flipped), at least 30 degrees from the limits of joints 2 to 6 and far from all singularities.
+STAND_HEIGHT_M = 0.50
+
+# Elbow up, forearm folded back, tool level and pointing outwards: clear of the table at every angle of joint 1.
+READY_RAD = np.radians([0.0, 80.0, -215.0, 0.0, 45.0, 0.0])
+READY_RAD.setflags(write=False)
+
 # Corke's names of the eight configurations: left or right arm, elbow up or down, wrist not flipped or flipped.
 CONFIGURATIONS = ("lun", "luf", "ldn", "ldf", "run", "ruf", "rdn", "rdf")
 
