@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.errors import SafetyStopError
+from surfuse.geometry.compiled import compiled
 from surfuse.motion.body import Body
 from surfuse.motion.obstacles import Obstacle
 from surfuse.records import FloatArray, IntArray
@@ -68,14 +69,28 @@ class ClearanceModel:
         kept = np.flatnonzero([self.body.names[p] not in solid.ignores for p in self.body.part])
         if len(kept) == 0:
             return
-        points = np.ascontiguousarray(centers[:, kept]).reshape(-1, 3)
-        gaps = solid.distance(points).reshape(len(centers), len(kept)) - self.body.radius_m[kept]
-        closest = np.argmin(gaps, axis=1)
-        least = gaps[np.arange(len(gaps)), closest]
-        nearer = least < distance
-        distance[nearer] = least[nearer]
-        part[nearer] = self.body.part[kept[closest[nearer]]]
-        obstacle[nearer] = index
+        mine = centers if len(kept) == centers.shape[1] else centers[:, kept]
+        distances = solid.distance(mine.reshape(-1, 3)).reshape(len(mine), len(kept))
+        _keep_nearer(distances, self.body.radius_m[kept], self.body.part[kept], index, distance, part, obstacle)
+
+
+@compiled
+def _keep_nearer(
+    distances: FloatArray,
+    radius: FloatArray,
+    part_of: IntArray,
+    index: int,
+    least: FloatArray,
+    part: IntArray,
+    obstacle: IntArray,
+) -> None:
+    for i in range(distances.shape[0]):
+        for b in range(distances.shape[1]):
+            gap = distances[i, b] - radius[b]
+            if gap < least[i]:
+                least[i] = gap
+                part[i] = part_of[b]
+                obstacle[i] = index
 
 
 def check_move(

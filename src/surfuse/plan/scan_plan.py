@@ -46,7 +46,7 @@ def scan_plan(
     start_rad: FloatArray,
     clearance: ClearanceCheck | None = None,
     parameters: PlanParameters = PlanParameters(),
-    limits: ReachParameters = ReachParameters(),
+    limits: ReachParameters | None = None,
 ) -> ScanPlan:
     """Plan the scan of an outline, not yet enlarged, for an arm at joints `start_rad` whose tool frame is the grip.
 
@@ -57,7 +57,7 @@ def scan_plan(
     stops = raster(area, parameters.step_m, parameters.same_side)
     high_enough = stops.uv_m[:, 1] >= parameters.lowest_v_m - 1e-9
     targets = grip_targets(outline.world_from_part, stops.uv_m, parameters.standoff_m)
-    checked = reach(targets[high_enough], kinematics, start_rad, clearance, limits)
+    checked = reach(targets[high_enough], kinematics, start_rad, clearance, limits or ReachParameters())
     visited = np.flatnonzero(high_enough)[checked.reached]
     reasons = dict(zip(np.flatnonzero(high_enough).tolist(), checked.reason, strict=True))
     skipped = tuple(
