@@ -1,0 +1,306 @@
+"""A readings CSV as columns of numbers: strict, fast, and able to say file, line and column of what is wrong.
+
+Blocks of rows are converted a column at a time by Python's own `float`, which rounds correctly; only when a block
+fails is it searched cell by cell for the message.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from surfuse.errors import DataError, nearest
+from surfuse.records import FloatArray, IntArray, Status
+from surfuse.runs.log_files import read_whole
+
+if TYPE_CHECKING:
+    from _csv import Reader as CsvReader
+
+REQUIRED = ("t", "sensor", "px", "py", "pz", "ax", "ay", "az", "range_m")
+OPTIONAL = ("status", "sigma_m", "amplitude", "stop")
+_BLOCK_ROWS = 2048
+_STATUS_WORDS = {status.name.lower(): int(status) for status in Status} | {str(int(s)): int(s) for s in Status}
+_INF_WORDS = ("inf", "infinity")
+UNKNOWN_STATUS = -1
+
+
+@dataclass(frozen=True)
+class CsvTable:
+    """The cells of a readings CSV: N rows, columns in SI units; absent optional columns are None.
+
+    An empty range is +inf, an empty sigma_m or amplitude nan, an empty status `UNKNOWN_STATUS`.
+    """
+
+    source: CsvSource
+    t_s: FloatArray
+    sensor: list[str]
+    position_m: FloatArray
+    axis: FloatArray
+    range_m: FloatArray
+    status: IntArray | None
+    sigma_m: FloatArray | None
+    amplitude: FloatArray | None
+    stop: IntArray | None
+
+    def where(self, row: int, column: str) -> str:
+        """`file:line:column` of a cell."""
+        return f"{self.source.path}:{self.source.line_of(row)}:{column}"
+
+
+class CsvSource:
+    """The text of a CSV file with its dialect: `,`, `;` or tab, decimal point or (not with `,`) decimal comma."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.text = _decode(read_whole(path), path)
+        self.delimiter, self.header = _dialect(self.text, path)
+
+    def reader(self) -> CsvReader:
+        """A fresh reader that stands behind the header."""
+        reader = csv.reader(io.StringIO(self.text, newline=""), delimiter=self.delimiter, strict=True)
+        next(reader)
+        return reader
+
+    def checked(self, read: Callable[[], list[list[str]]], reader: CsvReader) -> list[list[str]]:
+        """What `read` takes from `reader`, with the errors of the csv module made ours."""
+        try:
+            return read()
+        except csv.Error as error:
+            raise DataError(
+                f"not a CSV file: {error}",
+                where=f"{self.path}:{reader.line_num}",
+                cure="correct the quotes of that line, and keep fields short",
+            ) from error
+
+    def line_of(self, row: int) -> int:
+        """Line in the file of data row `row` (from 0)."""
+        reader = self.reader()
+        return next(islice((reader.line_num for cells in reader if cells), row, None))
+
+
+def _decode(content: bytes, path: Path) -> str:
+    if not content.strip():
+        raise DataError("the file is empty", where=str(path), cure=f"give a header and rows: {','.join(REQUIRED)}")
+    encoding = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    try:
+        return content.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise DataError(
+            f"byte {content[error.start]:#04x} is not {encoding.removesuffix('-sig').upper()}",
+            where=f"{path}:{line}",
+            cure="save the file as UTF-8",
+        ) from error
+
+
+def _dialect(text: str, path: Path) -> tuple[str, list[str]]:
+    """The delimiter under which the first line names most of our columns, and that line's names."""
+    known = set(REQUIRED + OPTIONAL)
+    best: tuple[str, list[str]] = (",", [])
+    first_line = re.split("[\r\n]", text.lstrip("\r\n"), maxsplit=1)[0]
+    for delimiter in (",", ";", "\t"):
+        try:
+            names = next(csv.reader([first_line], delimiter=delimiter), [])
+        except csv.Error as error:
+            raise DataError(f"not a CSV file: {error}", where=f"{path}:1", cure="give a header line") from error
+        header = [name.strip() for name in names]
+        if len(known & set(header)) > len(known & set(best[1])) or not best[1]:
+            best = (delimiter, header)
+    _check_header(best[1], path)
+    return best
+
+
+def _check_header(header: list[str], path: Path) -> None:
+    where = f"{path}:1"
+    missing = [name for name in REQUIRED if name not in header]
+    extra = [name for name in header if name not in REQUIRED + OPTIONAL]
+    if missing:
+        cure = f"the header must name {','.join(REQUIRED)}"
+        near = [f"'{name[:40]}' is close to '{missing[0]}'" for name in extra[:200] if missing[0] == _meant(name)]
+        raise DataError(
+            f"the column{'s' if len(missing) > 1 else ''} {', '.join(missing)} {'are' if len(missing) > 1 else 'is'} "
+            "missing",
+            where=where,
+            cure=f"{near[0]}; {cure}" if near else cure,
+        )
+    if extra:
+        more = f" (and {len(extra) - 1} more)" if len(extra) > 1 else ""
+        cure = nearest(extra[0][:40], REQUIRED + OPTIONAL)
+        raise DataError(f"unknown column '{extra[0][:40]}'{more}", where=where, cure=f"remove it, or {cure}")
+    twice = [name for name in header if header.count(name) > 1]
+    if twice:
+        raise DataError(f"the column '{twice[0]}' comes twice", where=where, cure="keep one of them")
+
+
+def _meant(name: str) -> str:
+    """The required column that a name was perhaps meant to be, or an empty text."""
+    cure = nearest(name[:40], REQUIRED)
+    return cure.split("'")[1] if cure.startswith("did you mean") else ""
+
+
+def read_csv_table(path: Path) -> CsvTable:
+    """Parse a readings CSV (SPEC: files and commands).
+
+    Raises
+    ------
+    DataError : anything but the named columns with numbers in them; the message names file, line and column.
+    StorageError : the file cannot be read.
+    """
+    source = CsvSource(path)
+    parser = _Columns(source)
+    for block in _blocks(source):
+        parser.add(block)
+    return parser.table()
+
+
+def _blocks(source: CsvSource) -> Iterator[list[list[str]]]:
+    reader = source.reader()
+    while block := source.checked(lambda: list(islice(reader, _BLOCK_ROWS)), reader):
+        yield [cells for cells in block if cells]
+
+
+class _Columns:
+    """Collects the converted blocks of each column."""
+
+    def __init__(self, source: CsvSource) -> None:
+        self._source = source
+        self._rows = 0
+        self._numbers: dict[str, list[FloatArray]] = {name: [] for name in source.header if name != "sensor"}
+        self._sensor: list[str] = []
+        self._commas = self._points = False
+
+    def add(self, block: list[list[str]]) -> None:
+        width = len(self._source.header)
+        if any(len(cells) != width for cells in block):
+            self._report_ragged(block, width)
+        for name, cells in zip(self._source.header, zip(*block, strict=True), strict=True):
+            if name == "sensor":
+                self._add_sensors(cells)
+            elif name == "status":
+                self._numbers[name].append(np.array([self._status(cells, i) for i in range(len(cells))]))
+            else:
+                self._numbers[name].append(self._convert(name, cells))
+        self._rows += len(block)
+
+    def _where(self, i: int, column: str) -> str:
+        line = self._source.line_of(self._rows + i)
+        return f"{self._source.path}:{line}:{column}" if column else f"{self._source.path}:{line}"
+
+    def _report_ragged(self, block: list[list[str]], width: int) -> None:
+        i = next(i for i, cells in enumerate(block) if len(cells) != width)
+        cure = "give every column in every line"
+        if self._source.delimiter == "," and len(block[i]) > width:
+            cure += "; numbers with a decimal comma need ';' between the columns"
+        raise DataError(
+            f"{len(block[i])} values, but the header has {width} columns", where=self._where(i, ""), cure=cure
+        )
+
+    def _add_sensors(self, cells: Sequence[str]) -> None:
+        names = [cell.strip() for cell in cells]
+        if "" in names:
+            raise DataError("the sensor has no name", where=self._where(names.index(""), "sensor"))
+        self._sensor += names
+
+    def _status(self, cells: Sequence[str], i: int) -> int:
+        word = cells[i].strip().lower()
+        if not word:
+            return UNKNOWN_STATUS
+        if word not in _STATUS_WORDS:
+            names = tuple(status.name.lower() for status in Status)
+            raise DataError(
+                f"unknown status '{cells[i][:40]}'", where=self._where(i, "status"), cure=nearest(word[:40], names)
+            )
+        return _STATUS_WORDS[word]
+
+    def _convert(self, column: str, cells: Sequence[str]) -> FloatArray:
+        joined = "".join(cells)
+        # float() also takes underscores and the digits of every script; neither is a number in a CSV file.
+        if "_" in joined or not joined.isascii():
+            self._refuse(column, cells, lambda cell: "_" in cell or not cell.isascii())
+        if self._source.delimiter != ",":
+            cells = self._with_points(column, cells, joined)
+        empty = {"range_m": "inf", "sigma_m": "nan", "amplitude": "nan"}.get(column)
+        if empty is not None:
+            cells = [cell if cell and not cell.isspace() else empty for cell in cells]
+        try:
+            values = np.array(list(map(float, cells)))
+        except ValueError:
+            self._refuse(column, cells, lambda cell: not _is_float(cell))
+            raise
+        self._refuse_overflow(column, cells, values)
+        return values
+
+    def _with_points(self, column: str, cells: Sequence[str], joined: str) -> Sequence[str]:
+        """Decimal commas made points; a file has the one or the other, never both."""
+        self._commas |= "," in joined
+        self._points |= "." in joined
+        if self._commas and self._points:
+            mark = "," if "," in joined else "."
+            self._refuse(column, cells, lambda cell: mark in cell, "the file mixes decimal points and decimal commas")
+        return [cell.replace(",", ".") for cell in cells] if self._commas else cells
+
+    def _refuse(self, column: str, cells: Iterable[str], wrong: Callable[[str], bool], what: str = "") -> None:
+        for i, cell in enumerate(cells):
+            if wrong(cell):
+                shown = f"'{cell[:40]}'" if cell.strip() else "an empty cell"
+                raise DataError(
+                    f"{shown} is not a number" + (f": {what}" if what else ""),
+                    where=self._where(i, column),
+                    cure="write numbers like -0.125 or 1.5e-3",
+                )
+
+    def _refuse_overflow(self, column: str, cells: Sequence[str], values: FloatArray) -> None:
+        """A literal like 1e999 is no way to say inf."""
+        for i in np.flatnonzero(np.isinf(values)).tolist():
+            if cells[i].strip().lstrip("+-").lower() not in _INF_WORDS:
+                raise DataError(f"'{cells[i][:40]}' is too large", where=self._where(i, column), cure="give SI units")
+
+    def table(self) -> CsvTable:
+        if self._rows == 0:
+            raise DataError("the file has a header but no readings", where=str(self._source.path), cure="add rows")
+
+        def column(name: str) -> FloatArray | None:
+            blocks = self._numbers.get(name)
+            return np.concatenate(blocks) if blocks else None
+
+        def columns(*names: str) -> FloatArray:
+            return np.column_stack([np.concatenate(self._numbers[name]) for name in names])
+
+        status, stop = column("status"), column("stop")
+        table = CsvTable(
+            source=self._source,
+            t_s=columns("t")[:, 0],
+            sensor=self._sensor,
+            position_m=columns("px", "py", "pz"),
+            axis=columns("ax", "ay", "az"),
+            range_m=columns("range_m")[:, 0],
+            status=None if status is None else status.astype(np.int64),
+            sigma_m=column("sigma_m"),
+            amplitude=column("amplitude"),
+            stop=None,
+        )
+        return table if stop is None else _with_stop(table, stop)
+
+
+def _with_stop(table: CsvTable, stop: FloatArray) -> CsvTable:
+    wrong = np.flatnonzero(~(np.isfinite(stop) & (stop == np.round(stop)) & (np.abs(stop) < 2.0**53)))
+    if len(wrong):
+        row = int(wrong[0])
+        raise DataError(f"stop = {stop[row]!r}", where=table.where(row, "stop"), cure="number the stops 0, 1, 2, ...")
+    return replace(table, stop=stop.astype(np.int64))
+
+
+def _is_float(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

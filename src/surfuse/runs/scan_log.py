@@ -1,0 +1,54 @@
+"""What any log comes down to before fusion: readings, the part frame, the outline, and what was noticed on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from surfuse.errors import DataError
+from surfuse.geometry.poses import FloatArray
+from surfuse.records import FusionScene, Outline, Readings, Status
+
+
+@dataclass(frozen=True)
+class ScanLog:
+    """A scan as read from a log of any kind.
+
+    `world_from_part` (4, 4) is the given part frame, or an estimate when `frame_estimated`. `warnings` are sentences
+    for the user about everything that was repaired, assumed or left out.
+    """
+
+    readings: Readings
+    world_from_part: FloatArray
+    frame_estimated: bool
+    outline: Outline | None = None
+    depth_max_m: float = float("inf")
+    warnings: tuple[str, ...] = ()
+
+    def scene(self) -> FusionScene:
+        """What a fusion method gets before the first reading."""
+        return FusionScene(
+            specs=self.readings.specs,
+            world_from_part=self.world_from_part,
+            outline=self.outline,
+            depth_max_m=self.depth_max_m,
+        )
+
+
+def require_echoes(readings: Readings, where: str) -> None:
+    """Refuse readings without a single echo: they are data, but no surface can be fused from them.
+
+    Raises
+    ------
+    DataError : no reading is OK; the message counts what they are instead.
+    """
+    if np.any(readings.status == int(Status.OK)):
+        return
+    kinds = ((Status.NO_ECHO, "without echo"), (Status.TOO_CLOSE, "too close"), (Status.FAULT, "faulty"))
+    counts = [f"{int(np.sum(readings.status == int(status)))} {words}" for status, words in kinds]
+    raise DataError(
+        f"none of the {len(readings.t_s)} readings is an echo ({', '.join(counts)}), so there is nothing to fuse",
+        where=where,
+        cure="check the sensors, their range limits and the distance to the part",
+    )

@@ -1,0 +1,185 @@
+"""The files beside a readings CSV: sensors.toml, frame.toml, outline.csv."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from surfuse.errors import ConfigError, DataError
+from surfuse.geometry.poses import FloatArray, frame_from_axes
+from surfuse.records import Outline, SensorSpec
+from surfuse.runs.log_files import read_whole
+from surfuse.runs.toml_file import number, read_toml, refuse_unknown, vector
+
+METRES_LIMIT = 50.0
+"""Positions and ranges beyond this are taken for millimetres and refused."""
+
+_SENSOR_KEYS = (
+    "kind",
+    "beam_full_angle_deg",
+    "range_min_m",
+    "range_max_m",
+    "sigma_m",
+    "frequency_hz",
+    "aperture_m",
+    "incidence_limit_deg",
+    "firing_time_s",
+)
+
+
+def read_sensors(path: Path) -> tuple[SensorSpec, ...]:
+    """Sensor specifications, one table a sensor, in the order of the file.
+
+    Raises
+    ------
+    ConfigError : unknown or missing keys, wrong types, no sensor.
+    DataError : values outside their limits.
+    """
+    tables = read_toml(path)
+    specs = []
+    for name, table in tables.items():
+        where = f"{path}:[{name}]"
+        if not isinstance(table, Mapping):
+            raise ConfigError(f"'{name}' is not a table", where=str(path), cure="write one table [name] a sensor")
+        refuse_unknown(table, _SENSOR_KEYS, where)
+        specs.append(_spec(name, table, where))
+    if not specs:
+        raise ConfigError("the file names no sensor", where=str(path), cure="write one table [name] a sensor")
+    return tuple(specs)
+
+
+def _spec(name: str, table: Mapping[str, object], where: str) -> SensorSpec:
+    kind = table.get("kind")
+    if not isinstance(kind, str) or not kind:
+        raise ConfigError(f"kind = {kind!r}", where=where, cure='write for example kind = "ultrasonic"')
+    optional = {key: number(table, key, where) for key in ("frequency_hz", "aperture_m") if key in table}
+    for key, value in optional.items():
+        if not value > 0.0:
+            raise ConfigError(f"{key} = {value:g}", where=where, cure="give a value > 0, or leave the key out")
+    return SensorSpec(
+        name=name,
+        kind=kind,
+        range_min_m=number(table, "range_min_m", where),
+        range_max_m=number(table, "range_max_m", where),
+        beam_full_angle_rad=math.radians(number(table, "beam_full_angle_deg", where)),
+        sigma_m=number(table, "sigma_m", where),
+        incidence_limit_rad=math.radians(number(table, "incidence_limit_deg", where, 25.0)),
+        firing_time_s=number(table, "firing_time_s", where, 0.05),
+        frequency_hz=optional.get("frequency_hz"),
+        aperture_m=optional.get("aperture_m"),
+    )
+
+
+def read_frame(path: Path) -> FloatArray:
+    """`world_from_part` (4, 4) from the keys origin, u and v.
+
+    Raises
+    ------
+    ConfigError : unknown or missing keys, not three numbers.
+    DataError : axes that are zero or parallel.
+    """
+    table = read_toml(path)
+    refuse_unknown(table, ("origin", "u", "v"), str(path))
+    origin, u, v = (vector(table, key, str(path)) for key in ("origin", "u", "v"))
+    if max(map(abs, origin)) > METRES_LIMIT:
+        raise ConfigError(f"origin = {list(origin)} looks like millimetres", where=str(path), cure="give metres")
+    try:
+        return frame_from_axes(origin, u, v)
+    except DataError as error:
+        raise DataError(error.what, where=str(path), cure=error.cure) from error
+
+
+def read_outline(path: Path, world_from_part: FloatArray) -> Outline:
+    """The part's outline from a CSV with the columns u and v, in metres, made counter-clockwise.
+
+    Raises
+    ------
+    DataError : other columns, text, values that are not finite or look like millimetres, fewer than 3 vertices.
+    """
+    try:
+        text = read_whole(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DataError(f"byte {error.start} is not UTF-8", where=str(path), cure="save the file as UTF-8") from error
+    rows = csv.reader(io.StringIO(text, newline=""))
+    try:
+        header = [name.strip() for name in next(rows, [])]
+        if sorted(header) != ["u", "v"]:
+            shown = ",".join(header)[:60]
+            raise DataError(f"the columns are '{shown}'", where=str(path), cure="an outline has the columns u,v")
+        vertices = [_vertex(row, header, f"{path}:{rows.line_num}") for row in rows if row]
+    except csv.Error as error:
+        raise DataError(f"not a CSV file: {error}", where=f"{path}:{rows.line_num}") from error
+    if len(vertices) > 1 and vertices[0] == vertices[-1]:
+        vertices.pop()
+    if len(vertices) < 3:
+        raise DataError(f"the outline has {len(vertices)} vertices", where=str(path), cure="give at least 3")
+    points = np.array(vertices)
+    u, v = points.T
+    twice_area = float(np.sum(u * np.roll(v, -1) - np.roll(u, -1) * v))
+    if twice_area == 0.0:
+        raise DataError("the outline has no area", where=str(path), cure="give vertices around the part")
+    return Outline(vertices_m=points if twice_area > 0.0 else points[::-1], world_from_part=world_from_part)
+
+
+def _vertex(row: list[str], header: list[str], where: str) -> tuple[float, float]:
+    if len(row) != 2:
+        raise DataError(f"{len(row)} values instead of 2", where=where, cure="give u,v in each line")
+    values = {}
+    for name, cell in zip(header, row, strict=True):
+        try:
+            values[name] = float(cell if cell.isascii() and "_" not in cell else "text")
+        except ValueError as error:
+            raise DataError(f"'{cell[:40]}' is not a number", where=f"{where}:{name}", cure="give metres") from error
+        if not math.isfinite(values[name]):
+            raise DataError(f"{cell} is not finite", where=f"{where}:{name}", cure="give metres")
+        if abs(values[name]) > METRES_LIMIT:
+            raise DataError(f"{cell} looks like millimetres", where=f"{where}:{name}", cure="divide by 1000")
+    return values["u"], values["v"]
+
+
+def sensors_toml(specs: tuple[SensorSpec, ...]) -> str:
+    """Text of a sensors.toml that `read_sensors` reads back."""
+    blocks = []
+    for spec in specs:
+        lines = [
+            f"[{json.dumps(spec.name, ensure_ascii=False)}]",
+            f"kind = {json.dumps(spec.kind, ensure_ascii=False)}",
+            f"beam_full_angle_deg = {_degrees(spec.beam_full_angle_rad)!r}",
+            f"range_min_m = {float(spec.range_min_m)!r}",
+            f"range_max_m = {float(spec.range_max_m)!r}",
+            f"sigma_m = {float(spec.sigma_m)!r}",
+            f"incidence_limit_deg = {_degrees(spec.incidence_limit_rad)!r}",
+            f"firing_time_s = {float(spec.firing_time_s)!r}",
+        ]
+        if spec.frequency_hz is not None:
+            lines.append(f"frequency_hz = {float(spec.frequency_hz)!r}")
+        if spec.aperture_m is not None:
+            lines.append(f"aperture_m = {float(spec.aperture_m)!r}")
+        blocks.append("\n".join(lines) + "\n")
+    return "\n".join(blocks)
+
+
+def _degrees(angle_rad: float) -> float:
+    """Degrees that `math.radians` turns back into exactly this angle where such a number exists."""
+    guess = math.degrees(angle_rad)
+    for candidate in (round(guess, 9), guess, math.nextafter(guess, math.inf), math.nextafter(guess, -math.inf)):
+        if math.radians(candidate) == angle_rad:
+            return candidate
+    return guess
+
+
+def frame_toml(world_from_part: FloatArray) -> str:
+    """Text of a frame.toml that `read_frame` reads back."""
+    origin, u, v = world_from_part[:3, 3], world_from_part[:3, 0], world_from_part[:3, 1]
+    return "".join(f"{key} = {value.tolist()!r}\n" for key, value in (("origin", origin), ("u", u), ("v", v)))
+
+
+def outline_csv(outline: Outline) -> str:
+    """Text of an outline.csv that `read_outline` reads back."""
+    return "u,v\n" + "".join(f"{u!r},{v!r}\n" for u, v in outline.vertices_m.tolist())

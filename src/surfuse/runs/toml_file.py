@@ -1,0 +1,92 @@
+"""Reading small TOML files that may be hostile: size, depth and values are bounded, errors name file and line."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from surfuse.errors import ConfigError, nearest
+from surfuse.runs.log_files import read_whole
+
+MAX_BYTES = 64 * 1024
+MAX_DEPTH = 16
+
+Table = Mapping[str, object]
+
+
+def parse_toml(content: bytes, where: str) -> dict[str, object]:
+    """The tables of a TOML text.
+
+    Raises
+    ------
+    ConfigError : more than 64 kB, nested deeper than 16, not UTF-8, not TOML, or a number that is not finite
+        (inf and nan are TOML, but no quantity of ours).
+    """
+    if len(content) > MAX_BYTES:
+        raise ConfigError(f"the file has {len(content)} bytes, at most {MAX_BYTES} are read", where=where)
+    try:
+        tables = tomllib.loads(content.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"byte {error.start} is not UTF-8", where=where, cure="save the file as UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"not valid TOML: {error}", where=where, cure="correct that line") from error
+    except RecursionError as error:
+        raise ConfigError("the file is nested too deep", where=where, cure="give plain tables") from error
+    _check(tables, where, ())
+    return tables
+
+
+def read_toml(path: Path) -> dict[str, object]:
+    """The tables of a TOML file; see `parse_toml`.
+
+    Raises
+    ------
+    StorageError : the file cannot be read.
+    """
+    return parse_toml(read_whole(path), str(path))
+
+
+def _check(value: object, where: str, keys: tuple[str, ...]) -> None:
+    if len(keys) > MAX_DEPTH:
+        raise ConfigError(f"{'.'.join(keys[:3])}... is nested deeper than {MAX_DEPTH}", where=where)
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _check(inner, where, (*keys, str(key)))
+    elif isinstance(value, list):
+        for inner in value:
+            _check(inner, where, (*keys, "[]"))
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"{'.'.join(keys)} = {value}", where=where, cure="give a finite number")
+
+
+def refuse_unknown(table: Table, valid: Iterable[str], where: str) -> None:
+    """Raise ConfigError for the first key that is not one of the valid ones, with the nearest of them."""
+    names = tuple(valid)
+    for key in table:
+        if key not in names:
+            raise ConfigError(f"unknown key '{key}'", where=where, cure=nearest(key, names))
+
+
+def number(table: Table, key: str, where: str, default: float | None = None) -> float:
+    """A number of a table as float; without a default the key must be there."""
+    if key not in table:
+        if default is None:
+            raise ConfigError(f"the key '{key}' is missing", where=where, cure=f"add '{key} = <number>'")
+        return default
+    value = table[key]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ConfigError(f"{key} = {value!r} is not a number", where=where, cure="give a number without quotes")
+    return float(value)
+
+
+def vector(table: Table, key: str, where: str) -> tuple[float, float, float]:
+    """Three numbers of a table."""
+    value = table.get(key)
+    if not isinstance(value, list) or len(value) != 3:
+        raise ConfigError(
+            f"{key} = {value!r} is not a list of three numbers", where=where, cure=f"write {key} = [x, y, z]"
+        )
+    x, y, z = (number({key: item}, key, where) for item in value)
+    return x, y, z
