@@ -101,7 +101,8 @@ class NodeClient:
             raise self.lost()
 
     def close(self) -> None:
-        """Count what the last sweeps still lack."""
+        """Count what the last sweeps still lack, once the frames on their way have come."""
+        self._gather(self._patience.reorder_grace_s, until_heartbeat=False)
         if self._current is not None:
             self._past.append(self._current)
             self._current = None
@@ -217,7 +218,10 @@ class NodeClient:
         for exchange in reversed(self._past):
             if exchange.sequence == message.sequence:
                 if exchange.session == message.session:
+                    sound = not exchange.void
                     exchange.accept(message, arrival_s)
+                    if sound and exchange.void:
+                        self._suspect()
                 else:
                     self._judge(self.watch.see(message.session))
                 return
@@ -227,9 +231,12 @@ class NodeClient:
         if verdict is not Verdict.SAME:
             self._tally.add(Event.RESTARTS if verdict is Verdict.RESTARTED else Event.CONFLICTS)
             self._unconfigured = self._unconfigured or verdict is Verdict.RESTARTED
-            if self._current is not None and not self._current.over:
-                self._current.void = True
+            self._suspect()
         return verdict
+
+    def _suspect(self) -> None:
+        if self._current is not None and not self._current.over:
+            self._current.void = True
 
     def _configure_again(self) -> None:
         self._unconfigured = False

@@ -101,8 +101,6 @@ class Exchange:
         if message.attempt >= len(self._attempts):
             self._tally.add(Event.UNSOLICITED)
             return
-        if self.over:
-            self._tally.add(Event.LATE)
         if isinstance(message, Acknowledge):
             order = self._acknowledge(message)
         elif message.sensor not in self._specs:
@@ -111,16 +109,18 @@ class Exchange:
         elif isinstance(message, Reading):
             order = 1 + 2 * message.sensor
             known = self._readings.setdefault(message.sensor, (message, arrival_s))[0]
-            self._compare(message.sensor, known._replace(attempt=message.attempt) == message)
+            self._compare(known._replace(attempt=message.attempt) == message)
         else:
             order = 2 + 2 * message.sensor
             detail = self._details.setdefault(message.sensor, message)
-            self._compare(message.sensor, detail._replace(attempt=message.attempt) == message)
+            self._compare(detail._replace(attempt=message.attempt) == message)
         if order in self._attempts[message.attempt].seen:
             self._tally.add(Event.DUPLICATED)
             return
         self._attempts[message.attempt].seen.add(order)
         self.news += 1
+        if self.over and not isinstance(message, Acknowledge):
+            self._tally.add(Event.LATE)
         self._watch_order(message.attempt * _ORDER_ATTEMPT + order)
         if not isinstance(message, Acknowledge):
             self._check_time(message.sensor)
@@ -161,10 +161,11 @@ class Exchange:
         attempt.stale = message.result is Result.STALE
         return 0
 
-    def _compare(self, sensor: int, same: bool) -> None:
+    def _compare(self, same: bool) -> None:
+        """Two values for one reading come from two nodes, and then no reading says whose it is."""
         if not same:
             self._tally.add(Event.CONFLICTS)
-            self.poisoned.add(sensor)
+            self.void = True
 
     def _watch_order(self, order: int) -> None:
         if order < self._highest:
@@ -177,7 +178,7 @@ class Exchange:
             return
         (reading, arrival_s), detail = self._readings[sensor], self._details[sensor]
         if detail.accepted >= len(self._attempts):
-            self._compare(sensor, False)
+            self._compare(False)
             return
         flight_s = 0.0
         if reading.status is Status.OK and self._specs[sensor].kind == "ultrasonic":
