@@ -1,0 +1,49 @@
+"""Fusion methods by name, with parameters from the configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from types import ModuleType
+
+from surfuse import registry
+from surfuse.errors import ConfigError, nearest
+from surfuse.interfaces import FusionMethod
+from surfuse.settings import FusionSettings, Plain
+
+
+def create_method(settings: FusionSettings, name: str | None = None) -> FusionMethod:
+    """The fusion method of the configuration, or another one by name with its parameters from there.
+
+    Raises
+    ------
+    UsageError : no such method.
+    ConfigError : unknown parameter, wrong type, value out of its limits; or parameters of an unknown method.
+    """
+    for unknown in set(settings.parameters) - set(registry.names("fusion")):
+        raise ConfigError(
+            f"fusion.parameters.{unknown}: there is no such method", cure=nearest(unknown, registry.names("fusion"))
+        )
+    chosen = name or settings.method
+    module = registry.load("fusion", chosen)
+    method: FusionMethod = module.create(_parameters(module, chosen, settings.parameters.get(chosen, {})))
+    return method
+
+
+def method_lines() -> list[tuple[str, str]]:
+    """Name and summary of every fusion method."""
+    return [(name, str(registry.load("fusion", name).SUMMARY)) for name in registry.names("fusion")]
+
+
+def _parameters(module: ModuleType, method: str, values: Mapping[str, Plain]) -> object:
+    known = {field.name: field for field in fields(module.Parameters)}
+    for key, value in values.items():
+        where = f"fusion.parameters.{method}.{key}"
+        if key not in known:
+            raise ConfigError(f"unknown key '{where}'", cure=nearest(key, known))
+        default = known[key].default
+        wanted = (int, float) if isinstance(default, float) else type(default)
+        if not isinstance(value, wanted) or (isinstance(value, bool) and not isinstance(default, bool)):
+            kind = "number" if isinstance(default, float) else type(default).__name__
+            raise ConfigError(f"{where} = {value!r}", cure=f"give a {kind}, for example {default!r}")
+    return module.Parameters(**values)
