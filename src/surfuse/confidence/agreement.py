@@ -9,16 +9,22 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from surfuse.confidence.columns import ScanColumns
 from surfuse.geometry.compiled import compiled
-from surfuse.records import FloatArray
+from surfuse.records import FloatArray, IntArray
 
 
 @compiled
-def sort_into(values: FloatArray, passed: FloatArray, n: int, ordered: FloatArray) -> int:
-    """Copy the values with passed[s] != 0 among the first n into `ordered`, increasing; returns how many."""
+def sort_into(values: FloatArray, gate: IntArray, base: int, first: int, last: int, ordered: FloatArray) -> int:
+    """Copy the values of the validated readings first to last - 1 into `ordered`, increasing; returns how many.
+
+    `values` counts from reading `base`, `gate` from reading 0.
+    """
     count = 0
-    for s in range(n):
-        if passed[s] == 0.0:
+    for s in range(first - base, last - base):
+        if gate[base + s] != 0:
             continue
         k = count
         while k > 0 and ordered[k - 1] > values[s]:
@@ -38,17 +44,13 @@ def median_of_sorted(ordered: FloatArray, n: int) -> float:
 
 
 @compiled
-def median_of_others(value: float, ordered: FloatArray, n: int) -> float:
-    """Median of the first n increasing values without one occurrence of `value`; the value itself when it is alone."""
-    if n < 2:
-        return value
-    rank = 0
-    while ordered[rank] < value:
-        rank += 1
-    low, high = (n - 2) // 2, (n - 1) // 2
-    lower: float = ordered[low] if low < rank else ordered[low + 1]
-    upper: float = ordered[high] if high < rank else ordered[high + 1]
-    return 0.5 * (lower + upper)
+def median_of_others(value: float, a: float, b: float, c: float, d: float) -> float:
+    """Median of n increasing values without one occurrence of `value`, from those in the middle (0-based).
+
+    a, b: the values (n - 2) // 2 and the next; c, d: the values (n - 1) // 2 and the next. Leaving out a value moves
+    those at and above it down by one place.
+    """
+    return 0.5 * ((a if a < value else b) + (c if c < value else d))
 
 
 @compiled
@@ -68,3 +70,37 @@ def agreement_confidence(deviation_m: float, allowed_m: float, error_rate: float
         return 1.0 - error_rate
     z = excess / allowed_m
     return (1.0 - error_rate) * math.exp(-0.5 * z * z)
+
+
+@compiled
+def agreement_confidences(
+    scan: ScanColumns,
+    stops: tuple[int, int],
+    gate: IntArray,
+    value_m: FloatArray,
+    allowed_m: float,
+    memory: float,
+    error_rate: FloatArray,
+    dc2: FloatArray,
+) -> None:
+    """dc2 (N,) of the validated readings of a range of stops; the sensors' error rates (S,) move on first.
+
+    `value_m` counts from the first reading of the range. A reading alone in its sweep deviates from nobody.
+    """
+    start, sensors = scan.start, scan.sensor
+    base = start[stops[0]]
+    ordered = np.empty(start[stops[1]] - base + 1)
+    for j in range(stops[0], stops[1]):
+        n = sort_into(value_m, gate, base, start[j], start[j + 1], ordered)
+        if n == 1:
+            ordered[1] = ordered[0]
+        low, high = max(n - 2, 0) // 2, max(n - 1, 0) // 2
+        a, b, c, d = ordered[low], ordered[low + 1], ordered[high], ordered[high + 1]
+        for i in range(start[j], start[j + 1]):
+            if gate[i] != 0:
+                dc2[i] = np.nan
+                continue
+            deviation = value_m[i - base] - median_of_others(value_m[i - base], a, b, c, d)
+            rate = updated_error_rate(error_rate[sensors[i]], abs(deviation) > allowed_m, memory)
+            error_rate[sensors[i]] = rate
+            dc2[i] = agreement_confidence(deviation, allowed_m, rate)

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from surfuse.confidence.columns import ScanColumns
+from surfuse.confidence.gate import Limits
 from surfuse.geometry.compiled import compiled
+from surfuse.records import FloatArray, IntArray
 
 
 @compiled
@@ -21,3 +26,21 @@ def boundary_confidence(inside_m: float, scale_m: float) -> float:
 def boundary_scale(footprint_m: float, share: float, floor_m: float) -> float:
     """Scale of the sigmoid in m: a share of the footprint's radius, at least `floor_m`, the error of the outline."""
     return max(share * footprint_m, floor_m)
+
+
+@compiled
+def boundary_confidences(
+    scan: ScanColumns,
+    limits: Limits,
+    stops: tuple[int, int],
+    gate: IntArray,
+    inside_m: FloatArray,
+    share: float,
+    floor_m: float,
+    dc3: FloatArray,
+) -> None:
+    """dc3 (N,) of the validated readings of a range of stops; `inside_m` counts from the first reading of the range."""
+    ranges, sensors, spread, base = scan.range_m, scan.sensor, limits.spread, scan.start[stops[0]]
+    for i in range(base, scan.start[stops[1]]):
+        scale = boundary_scale(ranges[i] * spread[sensors[i]], share, floor_m)
+        dc3[i] = boundary_confidence(inside_m[i - base], scale) if gate[i] == 0 else np.nan

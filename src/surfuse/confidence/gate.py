@@ -31,6 +31,10 @@ GATE_RANGE, GATE_OUTSIDE, GATE_BEHIND = int(Gate.OUT_OF_RANGE), int(Gate.OUTSIDE
 NO_VALID_READING, OUTSIDE_PART = int(Gap.NO_VALID_READING), int(Gap.OUTSIDE_PART)
 
 
+OUTLINE_TOLERANCE_M = 20e-6
+"""How far the outline may move when needless vertices go: a hundredth of a good camera's error."""
+
+
 @dataclass(frozen=True)
 class GateParameters:
     """What validation allows.
@@ -70,10 +74,38 @@ class Limits(NamedTuple):
     allowance_m: float
 
 
+def without_needless_vertices(ring: FloatArray, tolerance_m: float = OUTLINE_TOLERANCE_M) -> FloatArray:
+    """A ring (P, 2) without the vertices that lie within a tolerance of the chord over them (Ramer 1972).
+
+    A camera outline with a vertex every few millimetres along straight edges becomes as cheap as its corners.
+    """
+    far = int(np.argmax(np.sum((ring - ring[0]) ** 2, axis=1)))
+    closed = np.vstack([ring, ring[:1]])
+    keep = np.zeros(len(closed), dtype=np.bool_)
+    keep[[0, far, len(ring)]] = True
+    pending = [(0, far), (far, len(ring))]
+    while pending:
+        a, b = pending.pop()
+        if b - a < 2:
+            continue
+        chord, inner = closed[b] - closed[a], closed[a + 1 : b] - closed[a]
+        length = float(np.hypot(*chord))
+        beyond = np.hypot(*inner.T)
+        if length > 0.0:
+            t = np.clip(inner @ chord / length**2, 0.0, 1.0)
+            beyond = np.hypot(*(inner - t[:, np.newaxis] * chord).T)
+        k = int(np.argmax(beyond))
+        if beyond[k] > tolerance_m:
+            keep[a + 1 + k] = True
+            pending += [(a, a + 1 + k), (a + 1 + k, b)]
+    kept = closed[:-1][keep[:-1]]
+    return kept if len(kept) >= 3 else ring
+
+
 def _rings(outline: Outline | None) -> tuple[FloatArray, IntArray]:
     if outline is None:
         return np.zeros((0, 2)), np.zeros(1, dtype=np.int64)
-    rings = [outline.vertices_m, *outline.holes_m]
+    rings = [without_needless_vertices(ring) for ring in (outline.vertices_m, *outline.holes_m)]
     ends = np.cumsum([len(ring) for ring in rings], dtype=np.int64)
     return np.ascontiguousarray(np.concatenate(rings)), np.concatenate([np.zeros(1, dtype=np.int64), ends])
 
@@ -102,14 +134,11 @@ def limits_of(scene: FusionScene, parameters: GateParameters) -> Limits:
 
 
 @compiled
-def inside_outline(u: float, v: float, limits: Limits) -> float:
-    """Signed distance in m of (u, v) to the boundary of the part: positive on it, +inf when no outline is known."""
-    if limits.ring.shape[0] < 2:
-        return np.inf
-    nearest = signed_distance_at(u, v, limits.vertices[: limits.ring[1]]) - limits.margin_m
-    for k in range(1, limits.ring.shape[0] - 1):
-        hole = signed_distance_at(u, v, limits.vertices[limits.ring[k] : limits.ring[k + 1]])
-        nearest = min(nearest, -hole)
+def outside_holes(u: float, v: float, vertices: FloatArray, ring: IntArray) -> float:
+    """Signed distance of (u, v) to the nearest hole of the outline: positive outside of all holes, +inf without any."""
+    nearest = np.inf
+    for k in range(1, ring.shape[0] - 1):
+        nearest = min(nearest, -signed_distance_at(u, v, vertices[ring[k] : ring[k + 1]]))
     return nearest
 
 
@@ -129,64 +158,67 @@ def _own_word(reading_m: float, status: int) -> int:
 def validate(
     scan: ScanColumns,
     limits: Limits,
-    j: int,
+    stops: tuple[int, int],
     gate: IntArray,
     value_m: FloatArray,
     sigma_m: FloatArray,
     inside_m: FloatArray,
-) -> int:
-    """Validate the readings of stop j and express each as a range along the grip axis; returns how many passed.
+) -> None:
+    """Validate the readings of a range of stops and express each as a range along the grip axis.
 
-    Writes the `Gate` codes into the rows of the stop in `gate` (N,), and for the s-th reading of the stop into
-    `value_m[s]` the place of its hit point on the grip axis, `sigma_m[s]` its standard deviation there and
-    `inside_m[s]` the signed distance of its footprint to the outline (nan where it failed earlier).
+    Writes the `Gate` code of reading i into `gate[i]` (N,). With s = i - (first reading of the first stop), writes into
+    `value_m[s]` the place of its hit point on the grip axis, `sigma_m[s]` its standard deviation there, and
+    `inside_m[s]` the signed distance of its footprint to the outline (left as they are where it failed earlier).
 
     The hit point p + r a is projected onto the grip axis (origin o, direction g): m = r (a.g) + (p - o).g. With
     sensors in the grip plane and axes parallel to the grip axis this is m = r, the measurement of the paper's
     equation 1. The footprint is the hit point seen along w: for axes along w it does not depend on the range, and
     for turned wrists it is where the surface was met, not where the axis would pierce some reference plane.
     """
-    passed = 0
-    pose, outline = scan.world_from_grip[j], limits.outline_from_world
-    first = scan.start[j]
-    for i in range(first, scan.start[j + 1]):
-        s = i - first
-        value_m[s], sigma_m[s], inside_m[s] = np.nan, np.nan, np.nan
-        r, sensor = scan.range_m[i], scan.sensor[i]
-        code = _own_word(r, scan.status[i])
-        if code == PASSED:
-            ax, ay, az = scan.axis[i, 0], scan.axis[i, 1], scan.axis[i, 2]
-            px, py, pz = scan.position_m[i, 0], scan.position_m[i, 1], scan.position_m[i, 2]
-            along = ax * pose[0, 2] + ay * pose[1, 2] + az * pose[2, 2]
-            ahead = (px - pose[0, 3]) * pose[0, 2] + (py - pose[1, 3]) * pose[1, 2] + (pz - pose[2, 3]) * pose[2, 2]
-            value = r * along + ahead
+    ranges, status, sensors, positions, axes, own_sigma, start, _, grips = scan
+    range_min, range_max, spec_sigma, spread, depth_max, vertices, ring, margin, outline, _, footprints, allowance = (
+        limits
+    )
+    # Array arguments cost a kernel more than the arithmetic here: the outline's parts are told apart only once.
+    n_rings, boundary = ring.shape[0] - 1, vertices[: ring[min(1, ring.shape[0] - 1)]]
+    base = start[stops[0]]
+    for j in range(stops[0], stops[1]):
+        ox, oy, oz = grips[j, 0, 3], grips[j, 1, 3], grips[j, 2, 3]
+        gx, gy, gz = grips[j, 0, 2], grips[j, 1, 2], grips[j, 2, 2]
+        for i in range(start[j], start[j + 1]):
+            r, sensor = ranges[i], sensors[i]
+            gate[i] = _own_word(r, status[i])
+            if gate[i] != PASSED:
+                continue
+            ax, ay, az = axes[i, 0], axes[i, 1], axes[i, 2]
+            px, py, pz = positions[i, 0], positions[i, 1], positions[i, 2]
+            along = ax * gx + ay * gy + az * gz
+            value = r * along + ((px - ox) * gx + (py - oy) * gy + (pz - oz) * gz)
             x, y, z = px + r * ax, py + r * ay, pz + r * az
             u = outline[0, 0] * x + outline[0, 1] * y + outline[0, 2] * z + outline[0, 3]
             v = outline[1, 0] * x + outline[1, 1] * y + outline[1, 2] * z + outline[1, 3]
             if not math.isfinite(value + u + v):
-                code = GATE_FAULT
-            elif not limits.range_min_m[sensor] <= r <= limits.range_max_m[sensor]:
-                code = GATE_RANGE
-            else:
-                inside = inside_outline(u, v, limits)
-                value_m[s], inside_m[s] = value, inside
-                own = scan.sigma_m[i]
-                sigma_m[s] = (own if 0.0 < own < np.inf else limits.sigma_m[sensor]) * abs(along)
-                if inside < -(limits.footprints * r * limits.spread[sensor] + limits.allowance_m):
-                    code = GATE_OUTSIDE
-                elif value > limits.depth_max_m or value <= 0.0:
-                    code = GATE_BEHIND
-                else:
-                    passed += 1
-        gate[i] = code
-    return passed
+                gate[i] = GATE_FAULT
+                continue
+            if not range_min[sensor] <= r <= range_max[sensor]:
+                gate[i] = GATE_RANGE
+                continue
+            inside = signed_distance_at(u, v, boundary) - margin if n_rings > 0 else np.inf
+            if n_rings > 1:
+                inside = min(inside, outside_holes(u, v, vertices, ring))
+            own = own_sigma[i]
+            value_m[i - base], inside_m[i - base] = value, inside
+            sigma_m[i - base] = (own if 0.0 < own < np.inf else spec_sigma[sensor]) * abs(along)
+            if inside < -(footprints * r * spread[sensor] + allowance):
+                gate[i] = GATE_OUTSIDE
+            elif value > depth_max or value <= 0.0:
+                gate[i] = GATE_BEHIND
 
 
 @compiled
 def gap_reason(gate: IntArray, first: int, last: int) -> int:
-    """Why a stop without a valid reading is a gap: everything that was heard lay outside the part, or nothing was."""
-    outside = False
+    """Why a stop without a valid reading is a gap: what was heard lay outside the part, or nothing was valid."""
     for i in range(first, last):
         if gate[i] == GATE_OUTSIDE:
-            outside = True
-    return OUTSIDE_PART if outside else NO_VALID_READING
+            return OUTSIDE_PART
+    return NO_VALID_READING

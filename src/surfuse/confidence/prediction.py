@@ -5,28 +5,32 @@ from __future__ import annotations
 import math
 
 from surfuse.geometry.compiled import compiled
-from surfuse.records import FloatArray, IntArray
+from surfuse.records import FloatArray
 
 WINDOW = 3
 """How many fused values the temporal window keeps (the paper's "three last values of the average")."""
 
 
 @compiled
-def remember(window_m: FloatArray, held: IntArray, x: float, y: float, z: float) -> None:
-    """Append a fused point (world frame) to the window (3, 3), oldest first; `held[0]` counts the points in it."""
-    n = held[0]
+def remember(window_m: FloatArray, held: int, world_from_grip: FloatArray, j: int, depth_m: float) -> int:
+    """Append the fused point o + M g of stop j (world) to the window (3, 3), oldest first.
+
+    `held` points were in the window; returns how many are in it now.
+    """
+    n = held
     if n == WINDOW:
         for k in range(WINDOW - 1):
             for d in range(3):
                 window_m[k, d] = window_m[k + 1, d]
         n -= 1
-    window_m[n, 0], window_m[n, 1], window_m[n, 2] = x, y, z
-    held[0] = n + 1
+    for d in range(3):
+        window_m[n, d] = world_from_grip[j, d, 3] + depth_m * world_from_grip[j, d, 2]
+    return n + 1
 
 
 @compiled
-def predicted_depth(window_m: FloatArray, held: int, world_from_grip: FloatArray) -> float:
-    """Range along the present grip axis that the window predicts; nan with fewer than two points in it.
+def predicted_depth(window_m: FloatArray, held: int, world_from_grip: FloatArray, j: int) -> float:
+    """Range along the grip axis of stop j, poses (M, 4, 4), that the window predicts; nan with under two points.
 
     The fused points of the window are seen from the present grip pose: depth y along the grip axis, position x
     along the direction of travel, which is 0 on the present axis. A least-squares straight line y(x) = a + b x
@@ -36,8 +40,8 @@ def predicted_depth(window_m: FloatArray, held: int, world_from_grip: FloatArray
     """
     if held < 2:
         return math.nan
-    ox, oy, oz = world_from_grip[0, 3], world_from_grip[1, 3], world_from_grip[2, 3]
-    gx, gy, gz = world_from_grip[0, 2], world_from_grip[1, 2], world_from_grip[2, 2]
+    ox, oy, oz = world_from_grip[j, 0, 3], world_from_grip[j, 1, 3], world_from_grip[j, 2, 3]
+    gx, gy, gz = world_from_grip[j, 0, 2], world_from_grip[j, 1, 2], world_from_grip[j, 2, 2]
     dx, dy, dz = ox - window_m[0, 0], oy - window_m[0, 1], oz - window_m[0, 2]
     depth = dx * gx + dy * gy + dz * gz
     dx, dy, dz = dx - depth * gx, dy - depth * gy, dz - depth * gz

@@ -1,8 +1,8 @@
 """Fusion methods that give one fused value a stop from the sweep of that stop and a small memory.
 
 Such a method is two functions: `fresh` makes its memory before the first stop, `walk` is a compiled walk over the
-stops that moves the memory on and fills the columns of the fused points. Live fusion walks over one stop at a time,
-replay over all of them: the same machine code, so the numbers agree to the last bit.
+stops that moves the memory on and fills all columns of the fused points but `point_m`. Live fusion walks over one stop
+at a time, replay over all of them: the same machine code, so the numbers agree to the last bit.
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
-
-import numpy as np
 
 from surfuse.confidence.columns import (
     PointColumns,
@@ -23,85 +21,39 @@ from surfuse.confidence.columns import (
     scan_of_sweep,
     stacked,
 )
-from surfuse.confidence.gate import GateParameters, Limits, gap_reason, limits_of, validate
+from surfuse.confidence.gate import GateParameters, Limits, limits_of
 from surfuse.errors import DataError
 from surfuse.geometry.compiled import compiled
-from surfuse.records import FloatArray, FusedPoint, FusionResult, FusionScene, IntArray, MapGrid, Readings, Sweep
+from surfuse.records import FusedPoint, FusionResult, FusionScene, IntArray, MapGrid, Readings, Sweep
 
 M = TypeVar("M")
 Walk = Callable[[ScanColumns, Limits, M, PointColumns], None]
 
 
+BLOCK = 256
+"""Stops that are validated together: their scratch columns stay in the processor's cache."""
+
+
 @compiled
-def widest(scan: ScanColumns) -> int:
-    """Readings in the largest sweep: the size of a kernel's scratch arrays."""
-    most = 0
-    for j in range(scan.row.shape[0]):
-        most = max(most, scan.start[j + 1] - scan.start[j])
+def block_readings(start: IntArray) -> int:
+    """Readings in the largest block of stops: the size of a kernel's scratch columns."""
+    stops, most = start.shape[0] - 1, 0
+    for begin in range(0, stops, BLOCK):
+        most = max(most, start[min(begin + BLOCK, stops)] - start[begin])
     return most
 
 
 @compiled
-def write_value(
-    out: PointColumns, j: int, depth_m: float, sigma_m: float, world_from_grip: FloatArray, part_from_world: FloatArray
-) -> None:
-    """Record M, its sigma and the point o + M g in the part frame."""
-    out.depth_m[j], out.sigma_m[j], out.gap[j] = depth_m, sigma_m, 0
-    x = world_from_grip[0, 3] + depth_m * world_from_grip[0, 2]
-    y = world_from_grip[1, 3] + depth_m * world_from_grip[1, 2]
-    z = world_from_grip[2, 3] + depth_m * world_from_grip[2, 2]
-    for d in range(3):
-        out.point_m[j, d] = (
-            part_from_world[d, 0] * x + part_from_world[d, 1] * y + part_from_world[d, 2] * z + part_from_world[d, 3]
-        )
-
-
-@compiled
-def write_gap(out: PointColumns, j: int, reason: int) -> None:
-    """Record a stop without a value: nan, never 0, and why."""
-    out.depth_m[j], out.sigma_m[j], out.gap[j] = np.nan, np.nan, reason
-    out.point_m[j, 0], out.point_m[j, 1], out.point_m[j, 2] = np.nan, np.nan, np.nan
-
-
-@compiled
-def write_factors(out: PointColumns, i: int, dc1: float, dc2: float, dc3: float) -> float:
-    """Record the three factors of reading i and return their product (equation 2)."""
-    dc = dc1 * dc2 * dc3
-    out.dc[i], out.dc1[i], out.dc2[i], out.dc3[i] = dc, dc1, dc2, dc3
-    return dc
-
-
-@compiled
-def write_refused(out: PointColumns, i: int) -> None:
-    """Record that reading i takes no part: no confidence, factors never evaluated."""
-    out.dc[i], out.dc1[i], out.dc2[i], out.dc3[i] = 0.0, np.nan, np.nan, np.nan
-
-
-@compiled
-def begin_stop(
-    scan: ScanColumns,
-    limits: Limits,
-    j: int,
-    value_m: FloatArray,
-    sigma_m: FloatArray,
-    inside_m: FloatArray,
-    passed: FloatArray,
-    out: PointColumns,
-) -> int:
-    """Validate stop j: returns how many readings passed, sets `passed[s]` to 1 or 0, records those refused.
-
-    With none passed the stop is recorded as a gap with its reason.
-    """
-    from_row, to_row = scan.start[j], scan.start[j + 1]
-    out.reset[j] = False
-    n_passed = validate(scan, limits, j, out.gate, value_m, sigma_m, inside_m)
-    for i in range(from_row, to_row):
-        passed[i - from_row] = 1.0 if out.gate[i] == 0 else 0.0
-        if out.gate[i] != 0:
-            write_refused(out, i)
-    if n_passed == 0:
-        write_gap(out, j, gap_reason(out.gate, from_row, to_row))
-    return n_passed
+def place(scan: ScanColumns, limits: Limits, out: PointColumns) -> None:
+    """Fill in the points o + M g in the part frame; a gap's M is nan, and so is its point."""
+    depths, points, grips, part = out.depth_m, out.point_m, scan.world_from_grip, limits.part_from_world
+    for j in range(depths.shape[0]):
+        depth = depths[j]
+        x = grips[j, 0, 3] + depth * grips[j, 0, 2]
+        y = grips[j, 1, 3] + depth * grips[j, 1, 2]
+        z = grips[j, 2, 3] + depth * grips[j, 2, 2]
+        for d in range(3):
+            points[j, d] = part[d, 0] * x + part[d, 1] * y + part[d, 2] * z + part[d, 3]
 
 
 def _known_sensors(sensor: IntArray, known: int) -> None:
@@ -142,7 +94,7 @@ class SweepwiseFusion(Generic[M]):
         own = self._own(state)
         _known_sensors(sweep.sensor, own.sensors)
         out = empty_points(1, len(sweep.sensor))
-        self.walk(scan_of_sweep(sweep), own.limits, own.memory, out)
+        self._fill(scan_of_sweep(sweep), own.limits, own.memory, out)
         point = fused_point(sweep, out)
         own.points.append(point)
         return point
@@ -155,8 +107,12 @@ class SweepwiseFusion(Generic[M]):
         """The whole scan at once."""
         _known_sensors(readings.sensor, len(scene.specs))
         out = empty_points(readings.n_sweeps, len(readings.t_s))
-        self.walk(scan_of_readings(readings), limits_of(scene, self.gates), self.fresh(len(scene.specs)), out)
+        self._fill(scan_of_readings(readings), limits_of(scene, self.gates), self.fresh(len(scene.specs)), out)
         return FusionResult(points=fused_points(readings, out))
+
+    def _fill(self, scan: ScanColumns, limits: Limits, memory: M, out: PointColumns) -> None:
+        self.walk(scan, limits, memory, out)
+        place(scan, limits, out)
 
     def _own(self, state: object) -> SweepwiseState[M]:
         if not isinstance(state, SweepwiseState):

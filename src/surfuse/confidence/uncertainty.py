@@ -9,8 +9,12 @@ from surfuse.records import FloatArray
 
 
 @compiled
-def sigma_of_average(weight: FloatArray, value_m: FloatArray, sigma_m: FloatArray, n: int, average_m: float) -> float:
-    """Standard deviation in m of sum(w m) / sum(w) over the first n readings; weights 0 take no part.
+def sigma_of_average(
+    weight: FloatArray, value_m: FloatArray, sigma_m: FloatArray, base: int, first: int, last: int, average_m: float
+) -> float:
+    """Standard deviation in m of sum(w m) / sum(w) over readings first to last - 1; weights 0 take no part.
+
+    `weight` counts from reading 0, `value_m` and `sigma_m` from reading `base`.
 
     The larger of two estimates (internal and external error, Birge, Phys. Rev. 40 (1932) 207):
     - from the readings' own sigma: sqrt(sum w^2 sigma^2) / sum w. Four equal readings of a facing plate: sigma / 2;
@@ -19,15 +23,15 @@ def sigma_of_average(weight: FloatArray, value_m: FloatArray, sigma_m: FloatArra
       contradict each other (a step, a tilt, an outlier). With n_e near 1 there is no scatter to speak of.
     """
     total, squares, own, scatter = 0.0, 0.0, 0.0, 0.0
-    for s in range(n):
-        total += weight[s]
-    for s in range(n):
+    for i in range(first, last):
+        total += weight[i]
+    for i in range(first, last):
         # Relative weights first: squares of tiny weights would underflow.
-        w = weight[s] / total
-        if w > 0.0:
+        w = weight[i] / total
+        if w > 0.0:  # the value of a refused reading is not defined
             squares += w * w
-            own += (w * sigma_m[s]) ** 2
-            scatter += (w * (value_m[s] - average_m)) ** 2
+            own += (w * sigma_m[i - base]) ** 2
+            scatter += (w * (value_m[i - base] - average_m)) ** 2
     # With n_e = 1 / q: n_e / (n_e - 1) = 1 / (1 - q). One dominant reading (q near 1) leaves the scatter undetermined.
     external = scatter / (1.0 - squares) if squares < 0.99 else 0.0
     return math.sqrt(max(own, external))

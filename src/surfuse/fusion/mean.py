@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.confidence.columns import PointColumns, ScanColumns
-from surfuse.confidence.gate import GateParameters, Limits
-from surfuse.confidence.sweepwise import SweepwiseFusion, begin_stop, widest, write_factors, write_value
+from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate
+from surfuse.confidence.sweepwise import BLOCK, SweepwiseFusion, block_readings
 from surfuse.confidence.uncertainty import sigma_of_average
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
@@ -23,21 +23,28 @@ class Parameters(GateParameters):
 
 @compiled
 def _walk(scan: ScanColumns, limits: Limits, out: PointColumns) -> None:
-    width = widest(scan)
-    value, sigma, inside, passed = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
-    for j in range(scan.row.shape[0]):
-        first, n = scan.start[j], scan.start[j + 1] - scan.start[j]
-        n_passed = begin_stop(scan, limits, j, value, sigma, inside, passed, out)
-        if n_passed == 0:
-            continue
-        total = 0.0
-        for s in range(n):
-            if passed[s] != 0.0:
-                write_factors(out, first + s, 1.0, 1.0, 1.0)
-                total += value[s]
-        depth = total / n_passed
-        spread = sigma_of_average(passed, value, sigma, n, depth)
-        write_value(out, j, depth, spread, scan.world_from_grip[j], limits.part_from_world)
+    start, depths, sigmas, gaps, resets = scan.start, out.depth_m, out.sigma_m, out.gap, out.reset
+    gate, dc, dc1, dc2, dc3 = out.gate, out.dc, out.dc1, out.dc2, out.dc3
+    stops, room = scan.row.shape[0], block_readings(start)
+    value, sigma, inside = np.empty(room), np.empty(room), np.empty(room)
+    for block in range(0, stops, BLOCK):
+        end, base = min(block + BLOCK, stops), start[block]
+        validate(scan, limits, (block, end), gate, value, sigma, inside)
+        for j in range(block, end):
+            first, last, total, count = start[j], start[j + 1], 0.0, 0
+            for i in range(first, last):
+                passed = gate[i] == 0
+                dc[i] = 1.0 if passed else 0.0
+                dc1[i] = dc2[i] = dc3[i] = 1.0 if passed else np.nan
+                if passed:
+                    total += value[i - base]
+                    count += 1
+            depths[j], sigmas[j], gaps[j], resets[j] = np.nan, np.nan, 0, False
+            if count == 0:
+                gaps[j] = gap_reason(gate, first, last)
+                continue
+            depths[j] = total / count
+            sigmas[j] = sigma_of_average(dc, value, sigma, base, first, last, depths[j])
 
 
 def create(parameters: Parameters) -> FusionMethod:

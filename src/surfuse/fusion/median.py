@@ -9,11 +9,11 @@ import numpy as np
 
 from surfuse.confidence.agreement import median_of_sorted, sort_into
 from surfuse.confidence.columns import PointColumns, ScanColumns
-from surfuse.confidence.gate import GateParameters, Limits
-from surfuse.confidence.sweepwise import SweepwiseFusion, begin_stop, widest, write_factors, write_value
+from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate
+from surfuse.confidence.sweepwise import BLOCK, SweepwiseFusion, block_readings
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
-from surfuse.records import FloatArray
+from surfuse.records import FloatArray, IntArray
 
 SUMMARY = "median of the validated readings of each sweep"
 
@@ -41,39 +41,43 @@ def median_inflation(n: int) -> float:
 
 @compiled
 def _sigma(
-    value: FloatArray, sigma: FloatArray, passed: FloatArray, n: int, depth: float, scratch: FloatArray
+    value: FloatArray, sigma: FloatArray, gate: IntArray, base: int, first: int, last: int, ordered: FloatArray, n: int
 ) -> float:
-    """The larger of the readings' own sigma and of their scatter (median absolute deviation), taken to the median."""
-    own, count = 0.0, 0
-    for s in range(n):
-        if passed[s] != 0.0:
-            own += sigma[s] * sigma[s]
-            count += 1
-    own /= count
-    for s in range(n):
-        value[s] = abs(value[s] - depth)
-    scatter = 0.0
-    if count > 1:
-        sort_into(value, passed, n, scratch)
-        scatter = (MAD_TO_SIGMA * median_of_sorted(scratch, count)) ** 2
-    return math.sqrt(max(own, scatter) * median_inflation(count) / count)
+    """The larger of the readings' own sigma and of their scatter (median absolute deviation), taken to the median.
+
+    `ordered` holds the n values, increasing; it is overwritten.
+    """
+    own, median = 0.0, median_of_sorted(ordered, n)
+    for i in range(first, last):
+        if gate[i] == 0:
+            own += sigma[i - base] * sigma[i - base] / n
+            value[i - base] = abs(value[i - base] - median)
+    sort_into(value, gate, base, first, last, ordered)
+    scatter = MAD_TO_SIGMA * median_of_sorted(ordered, n)
+    return math.sqrt(max(own, scatter * scatter) * median_inflation(n) / n)
 
 
 @compiled
 def _walk(scan: ScanColumns, limits: Limits, out: PointColumns) -> None:
-    width = widest(scan)
-    value, sigma, inside = np.empty(width), np.empty(width), np.empty(width)
-    passed, ordered = np.empty(width), np.empty(width)
-    for j in range(scan.row.shape[0]):
-        first, n = scan.start[j], scan.start[j + 1] - scan.start[j]
-        if begin_stop(scan, limits, j, value, sigma, inside, passed, out) == 0:
-            continue
-        for s in range(n):
-            if passed[s] != 0.0:
-                write_factors(out, first + s, 1.0, 1.0, 1.0)
-        depth = median_of_sorted(ordered, sort_into(value, passed, n, ordered))
-        spread = _sigma(value, sigma, passed, n, depth, ordered)
-        write_value(out, j, depth, spread, scan.world_from_grip[j], limits.part_from_world)
+    start, depths, sigmas, gaps, resets = scan.start, out.depth_m, out.sigma_m, out.gap, out.reset
+    gate, dc, dc1, dc2, dc3 = out.gate, out.dc, out.dc1, out.dc2, out.dc3
+    stops, room = scan.row.shape[0], block_readings(start)
+    value, sigma, inside, ordered = np.empty(room), np.empty(room), np.empty(room), np.empty(room)
+    for block in range(0, stops, BLOCK):
+        end, base = min(block + BLOCK, stops), start[block]
+        validate(scan, limits, (block, end), gate, value, sigma, inside)
+        for j in range(block, end):
+            first, last = start[j], start[j + 1]
+            for i in range(first, last):
+                dc[i] = 1.0 if gate[i] == 0 else 0.0
+                dc1[i] = dc2[i] = dc3[i] = 1.0 if gate[i] == 0 else np.nan
+            depths[j], sigmas[j], gaps[j], resets[j] = np.nan, np.nan, 0, False
+            count = sort_into(value, gate, base, first, last, ordered)
+            if count == 0:
+                gaps[j] = gap_reason(gate, first, last)
+                continue
+            depths[j] = median_of_sorted(ordered, count)
+            sigmas[j] = _sigma(value, sigma, gate, base, first, last, ordered, count)
 
 
 def create(parameters: Parameters) -> FusionMethod:

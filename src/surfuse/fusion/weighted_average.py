@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from surfuse.confidence.agreement import agreement_confidence, median_of_others, sort_into, updated_error_rate
-from surfuse.confidence.boundary import boundary_confidence, boundary_scale
+from surfuse.confidence.agreement import agreement_confidences
+from surfuse.confidence.boundary import boundary_confidences
 from surfuse.confidence.columns import PointColumns, ScanColumns
-from surfuse.confidence.gate import GateParameters, Limits
+from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate
 from surfuse.confidence.parameters import check_within
 from surfuse.confidence.prediction import WINDOW, predicted_depth, prediction_confidence, remember
-from surfuse.confidence.sweepwise import SweepwiseFusion, begin_stop, widest, write_factors, write_gap, write_value
+from surfuse.confidence.sweepwise import BLOCK, SweepwiseFusion, block_readings
 from surfuse.confidence.uncertainty import sigma_of_average
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
@@ -93,80 +93,98 @@ def _fresh(sensors: int) -> Memory:
 
 
 @compiled
-def _prediction(
-    memory: Memory, row: int, pose: FloatArray, value_m: FloatArray, passed: FloatArray, n: int, constants: _Constants
-) -> tuple[float, bool]:
-    """Predicted value (nan: none, full confidence) and whether the surface has changed; a new line starts afresh."""
-    if memory.row[0] != row:
-        memory.row[0] = row
-        memory.held[0] = 0
-    if not constants.use_dc1:
-        return np.nan, False
-    predicted = predicted_depth(memory.window_m, memory.held[0], pose)
-    total, count = 0.0, 0.0
-    for s in range(n):
-        if passed[s] != 0.0:
-            total += value_m[s]
-            count += 1.0
-    if abs(total / count - predicted) > constants.change_m:
-        memory.held[0] = 0
-        return np.nan, True
-    return predicted, False
+def _factors_but_prediction(
+    scan: ScanColumns,
+    limits: Limits,
+    stops: tuple[int, int],
+    constants: _Constants,
+    error_rate: FloatArray,
+    scratch: tuple[FloatArray, FloatArray, FloatArray],
+    out: PointColumns,
+) -> None:
+    """Validate a range of stops and give each reading the factors that do not depend on earlier fused values."""
+    value, sigma, inside = scratch
+    gate, dc, dc1, dc2, dc3 = out.gate, out.dc, out.dc1, out.dc2, out.dc3
+    validate(scan, limits, stops, gate, value, sigma, inside)
+    for i in range(scan.start[stops[0]], scan.start[stops[1]]):
+        dc[i] = 0.0
+        dc1[i] = dc2[i] = dc3[i] = 1.0 if gate[i] == 0 else np.nan
+    if constants.use_dc2:
+        memory = constants.error_memory
+        agreement_confidences(scan, stops, gate, value, constants.allowed_m, memory, error_rate, dc2)
+    if constants.use_dc3:
+        share, floor = constants.boundary_share, constants.boundary_floor_m
+        boundary_confidences(scan, limits, stops, gate, inside, share, floor, dc3)
 
 
 @compiled
-def _dc2(value: float, sensor: int, ordered: FloatArray, n: int, memory: Memory, constants: _Constants) -> float:
-    """dc2 of a reading, after its sensor's error rate has been moved on."""
-    deviation = value - median_of_others(value, ordered, n)
-    is_error = abs(deviation) > constants.allowed_m
-    rate = updated_error_rate(memory.error_rate[sensor], is_error, constants.error_memory)
-    memory.error_rate[sensor] = rate
-    return agreement_confidence(deviation, constants.allowed_m, rate)
+def _average_line(
+    scan: ScanColumns,
+    stops: tuple[int, int],
+    constants: _Constants,
+    memory: Memory,
+    value_m: FloatArray,
+    out: PointColumns,
+) -> None:
+    """dc1, dc and M(n) of a range of stops, one after the other: each prediction rests on the values before it."""
+    start, grips, rows, window = scan.start, scan.world_from_grip, scan.row, memory.window_m
+    gate, dc, dc1, dc2, dc3, depths, resets = out.gate, out.dc, out.dc1, out.dc2, out.dc3, out.depth_m, out.reset
+    use, scale, change = constants.use_dc1, constants.prediction_scale_m, constants.change_m
+    held, base = memory.held[0], start[stops[0]]
+    for j in range(stops[0], stops[1]):
+        if rows[j] != (rows[j - 1] if j > stops[0] else memory.row[0]):
+            held = 0
+        predicted = predicted_depth(window, held, grips, j) if use else np.nan
+        total, count = 0.0, 0
+        for i in range(start[j], start[j + 1]):
+            if gate[i] == 0:
+                total += value_m[i - base]
+                count += 1
+        resets[j] = count > 0 and abs(total / count - predicted) > change
+        if resets[j]:
+            held, predicted = 0, np.nan
+        weights, moment = 0.0, 0.0
+        for i in range(start[j], start[j + 1]):
+            if gate[i] == 0:
+                if predicted == predicted:
+                    dc1[i] = prediction_confidence(value_m[i - base] - predicted, scale)
+                dc[i] = dc1[i] * dc2[i] * dc3[i]  # equation 2
+                weights += dc[i]
+                moment += dc[i] * value_m[i - base]
+        depths[j] = moment / weights if weights > 0.0 else np.nan  # equation 1
+        if weights > 0.0:
+            held = remember(window, held, grips, j, depths[j])
+    memory.held[0], memory.row[0] = held, rows[stops[1] - 1]
+
+
+@compiled
+def _spreads_and_gaps(
+    scan: ScanColumns, stops: tuple[int, int], value_m: FloatArray, sigma_m: FloatArray, out: PointColumns
+) -> None:
+    """Standard deviation of each M of a range of stops, or why there is none."""
+    start, depths, sigmas, gaps, gate, dc = scan.start, out.depth_m, out.sigma_m, out.gap, out.gate, out.dc
+    base = start[stops[0]]
+    for j in range(stops[0], stops[1]):
+        sigmas[j], gaps[j] = np.nan, 0
+        if depths[j] == depths[j]:
+            sigmas[j] = sigma_of_average(dc, value_m, sigma_m, base, start[j], start[j + 1], depths[j])
+            continue
+        gaps[j] = gap_reason(gate, start[j], start[j + 1])
+        for i in range(start[j], start[j + 1]):
+            if gate[i] == 0:
+                gaps[j] = NO_CONFIDENCE
 
 
 @compiled
 def _walk(scan: ScanColumns, limits: Limits, constants: _Constants, memory: Memory, out: PointColumns) -> None:
-    """Fuse stop after stop."""
-    width = widest(scan)
-    value, sigma, inside = np.empty(width), np.empty(width), np.empty(width)
-    weight, passed, ordered = np.empty(width), np.empty(width), np.empty(width)
-    for j in range(scan.row.shape[0]):
-        first, n = scan.start[j], scan.start[j + 1] - scan.start[j]
-        if begin_stop(scan, limits, j, value, sigma, inside, passed, out) == 0:
-            continue
-        pose = scan.world_from_grip[j]
-        predicted, out.reset[j] = _prediction(memory, scan.row[j], pose, value, passed, n, constants)
-        n_passed = sort_into(value, passed, n, ordered) if constants.use_dc2 else 0
-        weights, moment = 0.0, 0.0
-        for s in range(n):
-            weight[s] = 0.0
-            if passed[s] == 0.0:
-                continue
-            i = first + s
-            sensor, dc1, dc2, dc3 = scan.sensor[i], 1.0, 1.0, 1.0
-            if predicted == predicted:
-                dc1 = prediction_confidence(value[s] - predicted, constants.prediction_scale_m)
-            if constants.use_dc2:
-                dc2 = _dc2(value[s], sensor, ordered, n_passed, memory, constants)
-            if constants.use_dc3:
-                footprint = scan.range_m[i] * limits.spread[sensor]
-                scale = boundary_scale(footprint, constants.boundary_share, constants.boundary_floor_m)
-                dc3 = boundary_confidence(inside[s], scale)
-            weight[s] = write_factors(out, i, dc1, dc2, dc3)
-            weights += weight[s]
-            moment += weight[s] * value[s]
-        if weights == 0.0:
-            write_gap(out, j, NO_CONFIDENCE)
-            continue
-        depth = moment / weights  # equation 1
-        write_value(out, j, depth, sigma_of_average(weight, value, sigma, n, depth), pose, limits.part_from_world)
-        remember(
-            memory.window_m,
-            memory.held,
-            pose[0, 3] + depth * pose[0, 2],
-            pose[1, 3] + depth * pose[1, 2],
-            pose[2, 3] + depth * pose[2, 2],
-        )
+    """Fuse block after block of stops."""
+    n_stops, room = scan.row.shape[0], block_readings(scan.start)
+    value, sigma, inside = np.empty(room), np.empty(room), np.empty(room)
+    for block in range(0, n_stops, BLOCK):
+        stops = (block, min(block + BLOCK, n_stops))
+        _factors_but_prediction(scan, limits, stops, constants, memory.error_rate, (value, sigma, inside), out)
+        _average_line(scan, stops, constants, memory, value, out)
+        _spreads_and_gaps(scan, stops, value, sigma, out)
 
 
 def create(parameters: Parameters) -> FusionMethod:
