@@ -385,15 +385,17 @@ class TwoNodes(DirectLink):
 
     def __init__(self, first, second, clock):
         super().__init__(first, clock)
-        self.second, self.both = second, False
+        self.second, self.both, self.behind = second, False, False
 
     def send(self, frame):
         if self.both or not isinstance(CATALOGUE.decode(frame), Query):
             theirs = [Arrival(answer, self._clock.now_s()) for answer in self.second.answer(frame)]
             super().send(frame)
-            ours = list(self._arrivals)
-            self._arrivals.clear()
-            for pair in zip(ours, theirs, strict=False):
+            if self.behind:
+                self._arrivals.extend(theirs)
+                return True
+            ours = [self._arrivals.pop() for _ in theirs][::-1]
+            for pair in zip(ours, theirs, strict=True):
                 self._arrivals.extend(pair)
             return True
         return super().send(frame)
@@ -411,7 +413,7 @@ def two_nodes(uid, session):
 def test_two_boards_with_one_id_are_found_at_the_roll_call():
     link, array = two_nodes(uid=2, session=2)
     link.both = True
-    with pytest.raises(DeviceError, match=r"two boards answer \(1, 2\)"), array:
+    with pytest.raises(DeviceError, match=r"two nodes answer .*1, 2"), array:
         pass
 
 
@@ -420,10 +422,18 @@ def test_two_nodes_with_one_id_give_no_number(session):
     _, array = two_nodes(uid=2, session=session)
     with array:
         for _ in range(2):
-            assert all(echo.status is Status.FAULT for echo in array.sweep())
-        with pytest.raises(DeviceError):
-            array.sweep()
+            with pytest.raises(DeviceError, match="two nodes answer"):
+                array.sweep()
     assert array.counters.conflicts > 0
+
+
+def test_a_slower_second_node_is_found_one_sweep_later():
+    link, array = two_nodes(uid=2, session=2)
+    link.behind = True
+    with array:
+        array.sweep()
+        with pytest.raises(DeviceError, match="two nodes answer"):
+            array.sweep()
 
 
 def test_an_answer_that_is_too_fast_to_be_true_is_refused():

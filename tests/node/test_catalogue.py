@@ -255,7 +255,7 @@ HOSTILE = {
     "signed": GOOD.replace("range : 24|24@1+", "range : 24|24@1-"),
     "offset": GOOD.replace("(0.01,0)", "(0.01,5)"),
     "one sensor shifted": GOOD.replace(
-        'BO_ 531 Reading_1_3: 8 Node1\n SG_ sequence : 0|8', 'BO_ 531 Reading_1_3: 8 Node1\n SG_ sequence : 1|7'
+        "BO_ 531 Reading_1_3: 8 Node1\n SG_ sequence : 0|8", "BO_ 531 Reading_1_3: 8 Node1\n SG_ sequence : 1|7"
     ),
     "other words": GOOD.replace('1 "NO_ECHO" 2 "TOO_CLOSE"', '2 "NO_ECHO" 1 "TOO_CLOSE"'),
     "overlap": GOOD.replace("spread : 48|13", "spread : 40|13"),

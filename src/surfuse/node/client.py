@@ -77,6 +77,7 @@ class NodeClient:
         self._settings: dict[int, KitSettings] = {}
         self._kit_answer: Acknowledge | None = None
         self._unconfigured = False
+        self._rivals = False
         self.watch = NodeWatch()
 
     def connect(self) -> None:
@@ -97,7 +98,7 @@ class NodeClient:
             self._link.send(self._catalogue.encode(Query(self._node, 0, self._epoch)))
             self._gather(_QUERY_PAUSE_S, until_heartbeat=True)
         self._gather(self._patience.roll_call_s, until_heartbeat=False)
-        if len(self.watch.boards) > 1:
+        if self._rivals:
             raise self.lost()
 
     def close(self) -> None:
@@ -110,14 +111,18 @@ class NodeClient:
             self._past.popleft().close()
 
     def ask(self) -> Exchange:
-        """Have all sensors fired once, and ask until their answers are whole, void, or given up."""
+        """Have all sensors fired once, and ask until their answers are whole, void, or given up.
+
+        Raises
+        ------
+        DeviceError : two nodes answer under one id, so that no number says whose it is.
+        """
         exchange = self._begin()
         patience = self._patience
         wait_s, heard_s = patience.answer_timeout_s, self._monotonic_s()
         while exchange.attempts < MAX_ATTEMPTS:
             if self._unconfigured:
                 self._configure_again()
-            exchange.void = exchange.void or len(self.watch.boards) > 1
             news = exchange.news
             self._link.send(self._catalogue.encode(exchange.trigger(self._clock.now_s())))
             self._listen(exchange, min(wait_s, patience.silence_limit_s))
@@ -131,6 +136,8 @@ class NodeClient:
                 break
             wait_s = min(2.0 * wait_s, patience.silence_limit_s - silent_s)
         exchange.over = True
+        if self._rivals:
+            raise self.lost()
         return exchange
 
     def configure(self, number: int, settings: KitSettings) -> None:
@@ -148,9 +155,10 @@ class NodeClient:
     def lost(self) -> DeviceError:
         """The error that says why the node cannot be used."""
         where = f"sensor node {self._node}"
-        boards = ", ".join(map(str, sorted(self.watch.boards)))
-        if len(self.watch.boards) > 1:
-            return DeviceError(f"two boards answer ({boards})", cure="give each node an id of its own", where=where)
+        if self._rivals:
+            boards = ", ".join(map(str, sorted(self.watch.boards)))
+            what = f"two nodes answer under this id (boards heard: {boards})"
+            return DeviceError(what, cure="give each node an id of its own", where=where)
         counts = self._tally.snapshot()
         what = (
             f"no trustworthy answer ({counts.frames} frames received, {counts.unanswered} triggers unanswered, "
@@ -213,30 +221,31 @@ class NodeClient:
         if current is not None and message.sequence == current.sequence:
             if self._judge(self.watch.see(message.session)) is Verdict.SAME:
                 current.session = message.session
-                current.accept(message, arrival_s)
+                self._accept(current, message, arrival_s)
             return
         for exchange in reversed(self._past):
             if exchange.sequence == message.sequence:
                 if exchange.session == message.session:
-                    sound = not exchange.void
-                    exchange.accept(message, arrival_s)
-                    if sound and exchange.void:
-                        self._suspect()
+                    self._accept(exchange, message, arrival_s)
                 else:
                     self._judge(self.watch.see(message.session))
                 return
         self._tally.add(Event.UNSOLICITED)
 
-    def _judge(self, verdict: Verdict) -> Verdict:
-        if verdict is not Verdict.SAME:
-            self._tally.add(Event.RESTARTS if verdict is Verdict.RESTARTED else Event.CONFLICTS)
-            self._unconfigured = self._unconfigured or verdict is Verdict.RESTARTED
-            self._suspect()
-        return verdict
+    def _accept(self, exchange: Exchange, message: Reading | EchoDetail | Acknowledge, arrival_s: float) -> None:
+        exchange.accept(message, arrival_s)
+        if exchange.contradicted:
+            self._judge(Verdict.RIVAL)
 
-    def _suspect(self) -> None:
+    def _judge(self, verdict: Verdict) -> Verdict:
+        if verdict is Verdict.SAME:
+            return verdict
+        self._tally.add(Event.RESTARTS if verdict is Verdict.RESTARTED else Event.CONFLICTS)
+        self._unconfigured = self._unconfigured or verdict is Verdict.RESTARTED
+        self._rivals = self._rivals or verdict is Verdict.RIVAL
         if self._current is not None and not self._current.over:
             self._current.void = True
+        return verdict
 
     def _configure_again(self) -> None:
         self._unconfigured = False

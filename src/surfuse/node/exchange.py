@@ -61,6 +61,7 @@ class Exchange:
         self._highest = -1
         self.over = False
         self.void = False
+        self.contradicted = False
         self.poisoned: set[int] = set()
         self.refused: set[int] = set()
         self.news = 0
@@ -163,9 +164,7 @@ class Exchange:
 
     def _compare(self, same: bool) -> None:
         """Two values for one reading come from two nodes, and then no reading says whose it is."""
-        if not same:
-            self._tally.add(Event.CONFLICTS)
-            self.void = True
+        self.contradicted = self.contradicted or not same
 
     def _watch_order(self, order: int) -> None:
         if order < self._highest:
