@@ -1,0 +1,246 @@
+/* The surface in perspective-free view on a plain canvas: far cells first, so that no graphics driver is needed. */
+
+class Relief {
+  constructor(canvas, group) {
+    this.canvas = canvas;
+    this.group = group;
+    this.yaw = -0.55;
+    this.pitch = 0.42;
+    this.zoom = 1;
+    this.stretch = 1;
+    this.wire = null;
+    this.field = null;
+    this.linked = [this];
+    this.bare = false;
+    redrawWith(canvas, () => this.draw());
+  }
+
+  /** map: the surface; values, layer, span: what colours it; wire: a map drawn as lines over it, or null. */
+  show(map, values, layer, span, wire) {
+    this.field = { map, values, layer, span };
+    this.wire = wire;
+    this.draw();
+  }
+
+  listen() {
+    const canvas = this.canvas, fingers = new Map();
+    let gap = 0;
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      fingers.set(event.pointerId, event);
+    });
+    const lift = (event) => { fingers.delete(event.pointerId); gap = 0; };
+    canvas.addEventListener("pointerup", lift);
+    canvas.addEventListener("pointercancel", lift);
+    canvas.addEventListener("pointermove", (event) => {
+      const before = fingers.get(event.pointerId);
+      if (!before) return;
+      fingers.set(event.pointerId, event);
+      if (fingers.size === 2) {
+        const [a, b] = [...fingers.values()], now = Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
+        if (gap) this.scale(now / gap);
+        gap = now;
+      } else this.turn((event.clientX - before.clientX) * 0.008, (event.clientY - before.clientY) * 0.008);
+    });
+    canvas.addEventListener("wheel", (event) => {
+      if (!event.ctrlKey && document.activeElement !== canvas) return;
+      event.preventDefault();
+      this.scale(Math.exp(-event.deltaY * 0.0015));
+    }, { passive: false });
+    canvas.addEventListener("keydown", (event) => {
+      const turns = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] };
+      if (turns[event.key]) this.turn(...turns[event.key]);
+      else if (event.key === "+" || event.key === "=") this.scale(1.15);
+      else if (event.key === "-") this.scale(1 / 1.15);
+      else return;
+      event.preventDefault();
+    });
+  }
+
+  turn(yaw, pitch) {
+    this.view(this.yaw + yaw, Math.max(-1.5, Math.min(1.5, this.pitch + pitch)), this.zoom);
+  }
+
+  scale(factor) { this.view(this.yaw, this.pitch, Math.max(0.5, Math.min(6, this.zoom * factor))); }
+
+  /** Reliefs that are linked turn together. */
+  view(yaw, pitch, zoom) {
+    for (const relief of this.linked) {
+      Object.assign(relief, { yaw, pitch, zoom });
+      relief.later();
+    }
+  }
+
+  later() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => { this.waiting = false; this.draw(); });
+  }
+
+  /** Screen position and depth of (u, v, w) in mm: turn about v, then tilt about u. */
+  project(u, v, w) {
+    const c = this.centre, x = u - c[0], y = v - c[1], z = (w - c[2]) * this.stretch;
+    const across = this.cy * x + this.sy * z, back = -this.sy * x + this.cy * z;
+    return [this.midX + this.unit * across, this.midY - this.unit * (this.cp * y - this.sp * back)];
+  }
+
+  aim(width, height) {
+    const [low, high] = this.group.spans.height, e = this.group.extent;
+    this.low = low;
+    this.high = high;
+    this.centre = [0.5 * (e.u0 + e.u1), 0.5 * (e.v0 + e.v1), 0.5 * (low + high)];
+    [this.cy, this.sy] = [Math.cos(this.yaw), Math.sin(this.yaw)];
+    [this.cp, this.sp] = [Math.cos(this.pitch), Math.sin(this.pitch)];
+    const size = Math.hypot(e.u1 - e.u0, e.v1 - e.v0, Math.min((high - low) * this.stretch, e.u1 - e.u0));
+    this.unit = (0.95 * this.zoom * Math.min(width, height * 1.08)) / size;
+    [this.midX, this.midY] = [width / 2, height / 2 - 12];
+  }
+
+  draw() {
+    if (!this.field || !this.canvas.clientWidth) return;
+    const width = this.canvas.clientWidth, height = Math.max(300, Math.min(460, width * 0.8));
+    const context = sharpContext(this.canvas, width, height);
+    this.aim(width, height);
+    const base = this.drawBase(context);
+    this.drawCells(context);
+    if (this.wire) this.drawWire(context);
+    if (this.bare) return;
+    this.drawLabels(context, base);
+    this.drawBar(context, width, height);
+  }
+
+  /** The base rectangle at the lowest height, with the lengths of its sides. */
+  drawBase(context) {
+    const e = this.group.extent, corners = [[e.u0, e.v0], [e.u1, e.v0], [e.u1, e.v1], [e.u0, e.v1]];
+    const base = corners.map(([u, v]) => this.project(u, v, this.low));
+    context.strokeStyle = styleOf(this.canvas, "--line");
+    context.fillStyle = styleOf(this.canvas, "--void");
+    context.lineWidth = 1;
+    context.beginPath();
+    for (const [x, y] of base) context.lineTo(x, y);
+    context.closePath();
+    context.fill();
+    context.stroke();
+    return base;
+  }
+
+  /** Lengths of the sides, written over the surface with a halo. */
+  drawLabels(context, base) {
+    const e = this.group.extent, ink = styleOf(this.canvas, "--ink");
+    const post = this.project(e.u0, e.v0, this.high);
+    context.beginPath();
+    context.moveTo(...base[0]);
+    context.lineTo(...post);
+    context.strokeStyle = ink;
+    context.lineWidth = 1;
+    context.stroke();
+    context.fillStyle = ink;
+    context.font = "12px system-ui, sans-serif";
+    const middle = this.project(...this.centre.slice(0, 2), this.low);
+    const label = (a, b, text) => {
+      const x = 0.5 * (a[0] + b[0]), y = 0.5 * (a[1] + b[1]);
+      const away = Math.hypot(x - middle[0], y - middle[1]) || 1;
+      context.textAlign = "center";
+      context.textBaseline = "middle";
+      this.halo(context, text, x + (26 * (x - middle[0])) / away, y + (18 * (y - middle[1])) / away);
+    };
+    label(base[0], base[1], `u ${(e.u1 - e.u0).toFixed(0)} mm`);
+    label(base[0], base[3], `v ${(e.v1 - e.v0).toFixed(0)} mm`);
+    if (Math.hypot(post[0] - base[0][0], post[1] - base[0][1]) > 14) {
+      context.textAlign = post[0] < base[0][0] ? "right" : "left";
+      this.halo(context, `w ${(this.high - this.low).toFixed(1)} mm`, post[0] + (post[0] < base[0][0] ? -5 : 5), post[1] + 12);
+    }
+  }
+
+  halo(context, text, x, y) {
+    context.lineWidth = 4;
+    context.lineJoin = "round";
+    context.strokeStyle = styleOf(this.canvas, "--card");
+    context.strokeText(text, x, y);
+    context.fillText(text, x, y);
+  }
+
+  drawBar(context, width, height) {
+    const { layer, span } = this.field;
+    if (layer.words) return;
+    const anchors = this.group.words.colours[layer.colours], long = Math.min(260, width - 60), left = 0.5 * (width - long), top = height - 30;
+    for (let k = 0; k < long; k++) {
+      context.fillStyle = rgb(colourAt(anchors, k / (long - 1)));
+      context.fillRect(left + k, top, 1.5, 9);
+    }
+    context.fillStyle = styleOf(this.canvas, "--ink-soft");
+    context.textBaseline = "top";
+    const ticks = roundTicks(span[0], span[1], long / 60);
+    context.textAlign = "center";
+    for (const tick of ticks) context.fillText(tickText(tick, ticks), left + (long * (tick - span[0])) / (span[1] - span[0] || 1), top + 12);
+    context.textAlign = "left";
+    context.textBaseline = "middle";
+    if (layer.unit) context.fillText(layer.unit, left + long + 8, top + 5);
+  }
+
+  colourOf(value, light) {
+    const { layer, span } = this.field, words = this.group.words;
+    let colour = [150, 150, 150];
+    if (layer.words && !Number.isNaN(value)) {
+      const code = parseInt(words.categories[value % words.categories.length].slice(1), 16);
+      colour = [code >> 16, (code >> 8) & 255, code & 255];
+    } else if (!Number.isNaN(value)) colour = colourAt(words.colours[layer.colours], (value - span[0]) / (span[1] - span[0] || 1));
+    return rgb(colour.map((c) => Math.round(Math.min(255, c * light))));
+  }
+
+  drawCells(context) {
+    const { map, values } = this.field, height = map.layers.height;
+    const spots = new Array(map.nu * map.nv);
+    for (let j = 0; j < map.nv; j++)
+      for (let i = 0; i < map.nu; i++) {
+        const w = height[j * map.nu + i];
+        spots[j * map.nu + i] = Number.isNaN(w) ? null : this.project(map.u[i], map.v[j], w);
+      }
+    // Depth grows with -sin(yaw) cos(pitch) u and sin(pitch) v: walk from far to near along both.
+    const order = (n, towards) => Array.from({ length: n - 1 }, (_, k) => (towards ? k : n - 2 - k));
+    const columns = order(map.nu, -this.sy * this.cp > 0), rows = order(map.nv, this.sp > 0);
+    const along = Math.abs(this.sy * this.cp) > Math.abs(this.sp);
+    context.lineWidth = 0.7;
+    context.lineJoin = "round";
+    for (const a of along ? columns : rows)
+      for (const b of along ? rows : columns) this.drawCell(context, map, values, spots, along ? a : b, along ? b : a);
+  }
+
+  drawCell(context, map, values, spots, i, j) {
+    const k = [j * map.nu + i, j * map.nu + i + 1, (j + 1) * map.nu + i + 1, (j + 1) * map.nu + i];
+    if (k.some((n) => spots[n] === null)) return;
+    const h = k.map((n) => map.layers.height[n]), du = map.u[i + 1] - map.u[i], dv = map.v[j + 1] - map.v[j];
+    const slopeU = ((h[1] + h[2] - h[0] - h[3]) / (2 * du)) * this.stretch, slopeV = ((h[2] + h[3] - h[0] - h[1]) / (2 * dv)) * this.stretch;
+    const light = 0.62 + (0.45 * (1 + 0.35 * slopeU - 0.45 * slopeV)) / Math.hypot(1, slopeU, slopeV);
+    context.fillStyle = this.colourOf(this.field.layer.words ? values[k[0]] : 0.25 * (values[k[0]] + values[k[1]] + values[k[2]] + values[k[3]]), Math.max(0.45, Math.min(1.15, light)));
+    context.strokeStyle = context.fillStyle;
+    context.beginPath();
+    for (const n of k) context.lineTo(spots[n][0], spots[n][1]);
+    context.closePath();
+    context.fill();
+    context.stroke();
+  }
+
+  drawWire(context) {
+    const map = this.wire, height = map.layers.height;
+    context.strokeStyle = styleOf(this.canvas, "--ink");
+    context.globalAlpha = 0.55;
+    context.lineWidth = 1;
+    const skipU = Math.max(1, Math.round(map.nu / 20)), skipV = Math.max(1, Math.round(map.nv / 20));
+    const stroke = (count, index) => {
+      let pen = false;
+      context.beginPath();
+      for (let n = 0; n < count; n++) {
+        const [i, j] = index(n), w = height[j * map.nu + i];
+        if (Number.isNaN(w)) { pen = false; continue; }
+        const spot = this.project(map.u[i], map.v[j], w);
+        if (pen) context.lineTo(...spot); else context.moveTo(...spot);
+        pen = true;
+      }
+      context.stroke();
+    };
+    for (let j = 0; j < map.nv; j += skipV) stroke(map.nu, (n) => [n, j]);
+    for (let i = 0; i < map.nu; i += skipU) stroke(map.nv, (n) => [i, n]);
+    context.globalAlpha = 1;
+  }
+}
