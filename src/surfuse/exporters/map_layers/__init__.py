@@ -1,0 +1,1 @@
+"""What several map formats share: triangles of the measured cells, regular grids, native NetCDF layout."""

@@ -1,0 +1,54 @@
+"""A map as one array of heights at equal steps: what the profilometry formats hold."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from surfuse.errors import DataError
+from surfuse.records import FloatArray, MapGrid, Regime, SurfaceMap
+
+_STEP_TOLERANCE = 1e-6
+
+
+def equal_step(nodes_m: FloatArray, name: str) -> float:
+    """The step of an axis whose nodes are equally far apart.
+
+    Raises
+    ------
+    DataError : one node only, or steps that differ by more than 1e-6 of their mean.
+    """
+    if len(nodes_m) < 2:
+        raise DataError(f"the map has one node along {name}", cure="export to .csv or .nc instead")
+    steps = np.diff(nodes_m)
+    step = float(nodes_m[-1] - nodes_m[0]) / (len(nodes_m) - 1)
+    if float(np.max(np.abs(steps - step))) > _STEP_TOLERANCE * step:
+        raise DataError(
+            f"the steps along {name} differ ({float(steps.min()):g} to {float(steps.max()):g} m), "
+            "but this format has one step",
+            cure="export to .csv or .nc instead",
+        )
+    return step
+
+
+def heights_or_nan(surface: SurfaceMap) -> FloatArray:
+    """Heights (R, C) with nan in every cell that was not measured."""
+    return np.where(surface.mask, surface.height_m, np.nan)
+
+
+def map_of_heights(heights_m: FloatArray, du_m: float, dv_m: float, kind: str) -> SurfaceMap:
+    """A map of plain heights: part frame = world, origin at the first node; sigma and confidence unknown (nan)."""
+    rows, columns = heights_m.shape
+    mask = np.isfinite(heights_m)
+    u_m: FloatArray = np.arange(columns, dtype=np.float64) * du_m
+    v_m: FloatArray = np.arange(rows, dtype=np.float64) * dv_m
+    unknown = np.full((rows, columns), np.nan)
+    return SurfaceMap(
+        grid=MapGrid(u_m=u_m, v_m=v_m, world_from_part=np.eye(4)),
+        height_m=np.where(mask, heights_m, np.nan),
+        sigma_m=unknown,
+        confidence=unknown,
+        count=np.zeros((rows, columns), dtype=np.int64),
+        mask=mask,
+        regime=np.where(mask, np.uint8(Regime.MEASURED), np.uint8(Regime.EMPTY)),
+        method=kind,
+    )

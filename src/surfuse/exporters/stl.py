@@ -1,0 +1,22 @@
+"""Binary STL: the measured cells as triangles in the part frame, in metres; geometry only."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from surfuse.exporters.map_layers.mesh_files import write_mesh
+from surfuse.records import SurfaceMap
+
+SUFFIXES = (".stl",)
+SUMMARY = "STL (binary): for CAD; geometry only"
+
+
+def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
+    """Write the mesh; see `write_mesh`.
+
+    Raises
+    ------
+    DataError : there is no cell to write.
+    StorageError : the file exists and `overwrite` is false, or the disk refused.
+    """
+    write_mesh(path, surface, "stl", overwrite)

@@ -1,0 +1,150 @@
+"""The run folder: its names, who may write in it, and how files get into it."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from surfuse import durable
+from surfuse.errors import DataError, StorageError
+from surfuse.runs.log_files import segment_paths
+
+LOCK_NAME = ".lock"
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """Paths of one run; `create` and `open` check, the constructor does not touch the disk."""
+
+    path: Path
+
+    @property
+    def log(self) -> Path:
+        """Folder of the MCAP segments, itself a ROS 2 bag."""
+        return self.path / "log"
+
+    @property
+    def surface(self) -> Path:
+        """The native map."""
+        return self.path / "surface.nc"
+
+    @property
+    def report(self) -> Path:
+        """The self-contained page."""
+        return self.path / "report.html"
+
+    @property
+    def configuration(self) -> Path:
+        """The whole configuration with seed and versions."""
+        return self.path / "run.toml"
+
+    @property
+    def summary(self) -> Path:
+        """The result in numbers."""
+        return self.path / "summary.json"
+
+    @property
+    def truth(self) -> Path:
+        """The twin's true surface, for evaluation only; absent on a real cell."""
+        return self.path / "truth.ply"
+
+    @classmethod
+    def create(cls, path: Path) -> RunFolder:
+        """Make a new run folder; an empty folder is taken as it is.
+
+        Raises
+        ------
+        StorageError : a file, a folder with something in it, or a place where nothing can be written.
+        """
+        if path.exists() and not path.is_dir():
+            raise StorageError("it is a file", where=str(path), cure="choose another folder with --out")
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            if any(path.iterdir()):
+                raise StorageError(
+                    "the folder is not empty and nothing in it is overwritten",
+                    where=str(path),
+                    cure="choose another folder with --out, or go on with 'surfuse resume'",
+                )
+            (path / "log").mkdir()
+            durable.sync_folder(path)
+            durable.sync_folder(path.parent)
+        except OSError as error:
+            raise durable.storage_error(error, path, "create the run folder") from error
+        return cls(path)
+
+    @classmethod
+    def open(cls, path: Path) -> RunFolder:
+        """An existing run folder: one with a configuration and at least one log segment.
+
+        Raises
+        ------
+        DataError : not there, or not a run folder; the message names what is missing.
+        """
+        if not path.is_dir():
+            what = "it is a file" if path.exists() else "there is no such folder"
+            raise DataError(what, where=str(path), cure="give a run folder")
+        run = cls(path)
+        missing = [] if run.configuration.is_file() else ["run.toml"]
+        if not run.log.is_dir() or not segment_paths(run.log):
+            missing.append("log/*.mcap")
+        if missing:
+            raise DataError(
+                f"not a run folder: {' and '.join(missing)} missing", where=str(path), cure="give a run folder"
+            )
+        return run
+
+    def lock(self) -> RunLock:
+        """The right to write in this folder, to be taken with `with`."""
+        return RunLock(self.path / LOCK_NAME)
+
+    def write_text(self, path: Path, content: str) -> None:
+        """Replace a file of this run, atomically and durably."""
+        durable.write_text(path, content, overwrite=True)
+
+    def write_bytes(self, path: Path, content: bytes) -> None:
+        """Replace a file of this run, atomically and durably."""
+        durable.write_bytes(path, content, overwrite=True)
+
+
+class RunLock:
+    """One writer at a time: a lock file with the holder's process id, freed by the system when the holder dies."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._descriptor: int | None = None
+
+    def __enter__(self) -> Self:
+        try:
+            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        except OSError as error:
+            raise durable.storage_error(error, self.path, "lock the run folder") from error
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, f"{os.getpid()}\n".encode())
+        except OSError as error:
+            holder = os.pread(descriptor, 20, 0).decode("ascii", "replace").strip()
+            os.close(descriptor)
+            if error.errno in (errno.EAGAIN, errno.EACCES):
+                raise StorageError(
+                    f"another process (pid {holder or 'unknown'}) is writing in this run folder",
+                    where=str(self.path.parent),
+                    cure="wait until it has ended, or choose another folder",
+                ) from error
+            raise durable.storage_error(error, self.path, "lock the run folder") from error
+        self._descriptor = descriptor
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._descriptor is not None:
+            # The file stays: removing it would let two processes lock two files of the same name.
+            os.close(self._descriptor)
+            self._descriptor = None
