@@ -51,7 +51,7 @@ class Surface:
 MATERIALS: dict[Material, Surface] = {
     Material.FLOOR: Surface(roughness_m=0.30e-3, reflectivity=0.95, diffuse=0.30, albedo=0.12),
     Material.TABLE: Surface(roughness_m=0.05e-3, reflectivity=0.98, diffuse=0.02, albedo=0.20),
-    Material.PART: Surface(roughness_m=0.10e-3, reflectivity=0.98, diffuse=0.30, albedo=0.80),
+    Material.PART: Surface(roughness_m=0.10e-3, reflectivity=0.98, diffuse=0.20, albedo=0.80),
     Material.PART_SMOOTH: Surface(roughness_m=0.002e-3, reflectivity=0.99, diffuse=0.0005, albedo=0.70),
     Material.CLUTTER: Surface(roughness_m=0.10e-3, reflectivity=0.95, diffuse=0.30, albedo=0.35),
 }

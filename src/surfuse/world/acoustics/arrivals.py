@@ -259,41 +259,39 @@ def add_surfaces(
 
 @compiled
 def add_edges(
-    first: int,
-    count: int,
-    chosen: IntArray,
-    position: FloatArray,
-    tangent: FloatArray,
-    length: FloatArray,
-    mouth: FloatArray,
-    axis: FloatArray,
-    ray: FloatArray,
-    distance: FloatArray,
-    two_way: FloatArray,
-    strength: float,
-    wave_number: float,
-    absorption: float,
-    bin_m: float,
-    mirror: FloatArray,
+    first: int, count: int, chosen: IntArray, position: FloatArray, tangent: FloatArray, faces: FloatArray,
+    length: FloatArray, mouth: FloatArray, axis: FloatArray, ray: FloatArray, distance: FloatArray,
+    two_way: FloatArray, strength: float, wave_number: float, absorption: float, bin_m: float, mirror: FloatArray,
     extent: IntArray,
-) -> None:
-    """Diffraction at visible edge points: energy c^2 / (2 k d^3) for a straight edge across the beam (Keller).
+) -> None:  # fmt: skip
+    """Diffraction at visible edge points (Keller): a straight edge across the beam returns c^2 / (2 k d^3).
 
+    c grows as 1 / sin(angle from a face's normal) towards the mirror direction, where the Fresnel lobe bounds it.
     Along the edge the energy keeps to the Fresnel lobe around its normal plane, but for a small share from corners
     and the edge's own roughness.
     """
     wavelength = 2.0 * np.pi / wave_number
     for j in range(first, count):
         k = chosen[j - first]
-        x, y, z = position[k, 0] - mouth[0], position[k, 1] - mouth[1], position[k, 2] - mouth[2]
-        r = np.sqrt(x * x + y * y + z * z)
+        r = 0.0
+        for a in range(3):
+            r += (position[k, a] - mouth[a]) ** 2
+        r = np.sqrt(r)
         if distance[j] < r - 1e-3:
             continue
         s = LOBE * np.sqrt(wavelength / (2.0 * r))
-        skew = (tangent[k, 0] * x + tangent[k, 1] * y + tangent[k, 2] * z) / r
+        skew, cosine = 0.0, 0.0
+        for a in range(3):
+            skew += tangent[k, a] * ray[j, a]
+            cosine += axis[a] * ray[j, a]
+        across2 = max(1e-9, 1.0 - skew * skew)
+        strength2 = 1.0
+        for f in range(2):
+            slope = faces[k, f, 0] * ray[j, 0] + faces[k, f, 1] * ray[j, 1] + faces[k, f, 2] * ray[j, 2]
+            strength2 += 0.5 / (max(0.0, 1.0 - slope * slope / across2) + s * s)
+        strength2 *= strength * strength
         lobe = (1.0 - _SKEW) * np.exp(-((skew / s) ** 2)) + _SKEW
-        energy = strength * strength / wave_number / (2.0 * np.sqrt(np.pi) * s * r**4) * length[k] * lobe
-        cosine = (x * axis[0] + y * axis[1] + z * axis[2]) / r
+        energy = strength2 / wave_number / (2.0 * np.sqrt(np.pi) * s * r**4) * length[k] * lobe
         sine = np.sqrt(max(0.0, 1.0 - cosine * cosine))
         energy *= beam_energy(sine, two_way) * np.exp(-4.0 * absorption * r)
         deposit(r, energy, bin_m, mirror, extent)

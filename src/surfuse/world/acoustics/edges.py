@@ -19,12 +19,17 @@ _MOST_POINTS = 40_000
 class EdgePoints:
     """Scatter points along sharp edges, world frame: `position_m` (K, 3), just off the edge, in free space.
 
-    `tangent` (K, 3) unit along the edge, `length_m` (K,) of edge that the point stands for.
+    `tangent` (K, 3) unit along the edge, `faces` (K, 2, 3) the unit normals of the two faces that meet there (of a
+    sheet's rim: the same twice), `length_m` (K,) of edge that the point stands for.
     """
 
     position_m: FloatArray
     tangent: FloatArray
+    faces: FloatArray
     length_m: FloatArray
+
+
+NO_EDGES = EdgePoints(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2, 3)), np.zeros(0))
 
 
 def sharp_edges(scene: Scene, spacing_m: float) -> EdgePoints:
@@ -35,13 +40,13 @@ def sharp_edges(scene: Scene, spacing_m: float) -> EdgePoints:
     """
     wanted = scene.material != int(Material.FLOOR)
     triangles, normal = scene.triangles[wanted], scene.normal[wanted]
-    ends, out = _sharp(scene.vertices_m, triangles, normal)
+    ends, out, owners = _sharp(scene.vertices_m, triangles, normal)
     start, span = scene.vertices_m[ends[:, 0]], scene.vertices_m[ends[:, 1]] - scene.vertices_m[ends[:, 0]]
     length = np.linalg.norm(span, axis=1)
     keep = length > 1e-6
-    start, span, length, out = start[keep], span[keep], length[keep], out[keep]
+    start, span, length, out, owners = start[keep], span[keep], length[keep], out[keep], owners[keep]
     if not len(length):
-        return EdgePoints(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+        return NO_EDGES
     spacing = max(spacing_m, float(length.sum()) / _MOST_POINTS)
     pieces = np.maximum(1, np.ceil(length / spacing)).astype(np.int64)
     edge = np.repeat(np.arange(len(length)), pieces)
@@ -51,12 +56,13 @@ def sharp_edges(scene: Scene, spacing_m: float) -> EdgePoints:
     return EdgePoints(
         np.ascontiguousarray(position),
         np.ascontiguousarray(span[edge] / length[edge, None]),
+        np.ascontiguousarray(normal[owners[edge]]),
         np.ascontiguousarray(length[edge] / pieces[edge]),
     )
 
 
-def _sharp(vertices: FloatArray, triangles: IntArray, normal: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Vertex pairs (E, 2) of the sharp edges and the unit direction (E, 3) that leads away from the material."""
+def _sharp(vertices: FloatArray, triangles: IntArray, normal: FloatArray) -> tuple[IntArray, FloatArray, IntArray]:
+    """Sharp edges: vertex pairs (E, 2), unit directions (E, 3) away from the material, triangles (E, 2) beside them."""
     sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(triangles)), 3)
     pairs, index, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
@@ -74,4 +80,5 @@ def _sharp(vertices: FloatArray, triangles: IntArray, normal: FloatArray) -> tup
     outward = 0.5 * (vertices[pairs[rim, 0]] + vertices[pairs[rim, 1]]) - centre[lonely]
     out = np.vstack([bisector, outward])
     size = np.linalg.norm(out, axis=1, keepdims=True)
-    return pairs[np.concatenate([shared[kept], rim])], out / np.where(size > 0.0, size, 1.0)
+    owners = np.vstack([np.column_stack([a[kept], b[kept]]), np.column_stack([lonely, lonely])])
+    return pairs[np.concatenate([shared[kept], rim])], out / np.where(size > 0.0, size, 1.0), owners

@@ -44,7 +44,7 @@ class TransducerParameters:
 
     aperture_m: float = 0.040
     tube_length_m: float = 0.20
-    rise_time_s: float = 20e-6
+    rise_time_s: float = 12e-6
     ring_down_level: float = 300.0
     ring_down_time_s: float = 120e-6
 
@@ -86,7 +86,7 @@ class KitParameters:
     blanking_s: float = 1.9e-3
     gain: float = 1.0
     gain_step_db: float = 5.0
-    threshold: float = 0.04
+    threshold: float = 0.06
     sample_rate_hz: float = 1e6
     listen_s: float = 23.5e-3
     trigger: Literal["external", "internal"] = "external"

@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from surfuse.errors import ConfigError
-from surfuse.interfaces import Generator
 from surfuse.records import FloatArray, IntArray
 from surfuse.world.acoustics import arrivals, reflections
 from surfuse.world.acoustics.air import AirParameters, absorption, speed_of_sound
 from surfuse.world.acoustics.beam import BundleParameters, sample_beam
 from surfuse.world.acoustics.detection import burst_envelope, detect
-from surfuse.world.acoustics.edges import EdgePoints, sharp_edges
+from surfuse.world.acoustics.edges import NO_EDGES, EdgePoints, sharp_edges
 from surfuse.world.acoustics.kit import TUBE, KitParameters, TransducerParameters
 from surfuse.world.materials import table_of
 from surfuse.world.scene import Scene
@@ -202,8 +201,8 @@ class Sounder:
             self.bundle.speckle_cell_m, self.seed, BIN_M, work.mirror, work.real, work.imag, work.extent,
         )  # fmt: skip
         arrivals.add_edges(
-            rays, count, work.chosen, self.edges.position_m, self.edges.tangent, self.edges.length_m, mouth, axis,
-            work.ray, work.distance, beam.two_way, self.bundle.edge_strength, self.wave_number, self.absorption,
+            rays, count, work.chosen, self.edges.position_m, self.edges.tangent, self.edges.faces,
+            self.edges.length_m, mouth, axis, work.ray, work.distance, beam.two_way, self.bundle.edge_strength, self.wave_number, self.absorption,
             BIN_M, work.mirror, work.extent,
         )  # fmt: skip
         if self.bundle.bounces == 2:
@@ -279,7 +278,7 @@ class Sounder:
 def _audible(edges: EdgePoints, strength: float) -> EdgePoints:
     if strength > 0.0:
         return edges
-    return EdgePoints(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    return NO_EDGES
 
 
 def _speckle_grid(scene: Scene) -> FloatArray:
