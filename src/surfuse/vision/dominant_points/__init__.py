@@ -63,12 +63,14 @@ def dominant_points(
     *,
     closed: bool = True,
     n_points: int | None = None,
+    row_scale: float = 1.0,
 ) -> DominantPoints:
     """Dominant points of a contour (N, 2), its last point not repeated when it is closed.
 
     With `n_points` there are exactly so many and the tolerance only sets the candidates; without it, as many as
-    tolerance and corners ask for. The result depends on the shape, not on start point, direction, place or scale
-    (when the tolerance is scaled too).
+    tolerance and corners ask for. `row_scale` is the height of a pixel by its width, so that lengths and slopes are
+    those of the part; lengths are counted in columns. The result depends on the shape, not on start point, direction,
+    place or scale (when the tolerance is scaled too).
 
     Raises
     ------
@@ -77,8 +79,9 @@ def dominant_points(
     chosen = parameters or DominantPointParameters()
     contour = _checked(contour_px, closed, n_points)
     n = len(contour)
-    order = shape_order(contour, closed)
-    points = contour[order] - contour.mean(axis=0)
+    square = contour * [1.0, row_scale]
+    order = shape_order(square, closed)
+    points = square[order] - square.mean(axis=0)
     points = np.concatenate([points, points]) if closed else points
     sums = running_sums(points)
     scale2 = float(np.mean(points**2))

@@ -1,0 +1,169 @@
+"""Find the parts in a picture: threshold, boundary, and the reasons why something is not a part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from surfuse.errors import ConfigError, nearest
+from surfuse.records import BoolArray, ByteArray, CameraFrame, Detection, FloatArray
+from surfuse.vision.boundary import Boundary, refine, trace
+from surfuse.vision.flatten import flattened
+from surfuse.vision.table import TableRing, foot_rows
+from surfuse.vision.threshold import METHODS, Threshold, threshold
+
+Polarity = Literal["auto", "bright", "dark"]
+_MIDDLE = 128.0
+
+
+@dataclass(frozen=True)
+class FindParameters:
+    """What counts as a part in a picture.
+
+    Parameters
+    ----------
+    method : threshold method, one of `surfuse.vision.threshold.METHODS`.
+    polarity : parts brighter or darker than what is behind them; `auto`: unlike most of the picture's rim.
+    separability_min : a histogram with a shallower valley has no part (0 to 1).
+    contrast_min : least step of the grey level across a part's boundary.
+    edge_share_min : least share of a boundary that must have that step.
+    area_min_px : least number of pixels.
+    blur_px : standard deviation of the smoothing before the threshold.
+    noise_ratio : how many standard deviations a part stands out when the picture is not bimodal as a whole.
+    foot_slack_px : how far from the table a part's lowest pixel may be, up or down.
+    """
+
+    method: str = "otsu"
+    polarity: Polarity = "auto"
+    separability_min: float = 0.3
+    contrast_min: float = 12.0
+    edge_share_min: float = 0.6
+    area_min_px: float = 64.0
+    blur_px: float = 1.0
+    noise_ratio: float = 6.0
+    foot_slack_px: float = 6.0
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise ConfigError(f"unknown threshold method '{self.method}'", cure=nearest(self.method, METHODS))
+        if self.polarity not in ("auto", "bright", "dark"):
+            raise ConfigError(f"polarity = '{self.polarity}'", cure=nearest(self.polarity, ("auto", "bright", "dark")))
+        for name in ("separability_min", "edge_share_min"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ConfigError(f"{name} = {getattr(self, name)}", cure="give a share between 0 and 1")
+        for name in ("contrast_min", "area_min_px", "blur_px", "noise_ratio", "foot_slack_px"):
+            if not 0.0 <= getattr(self, name) < float("inf"):
+                raise ConfigError(f"{name} = {getattr(self, name)}", cure="give a finite number >= 0")
+
+
+def find_parts(
+    frame: CameraFrame, parameters: FindParameters | None = None, table: TableRing | None = None
+) -> tuple[Detection, ...]:
+    """Parts in a frame of the cell's camera, the largest first; none is an answer.
+
+    A region that runs through from the left to the right side is the table or the room. With `table`, a region whose
+    lowest pixel is not on the table top is no part either.
+    """
+    chosen = parameters or FindParameters()
+
+    def stands(detection: Detection) -> bool:
+        return not _runs_through(detection, frame.camera.width_px) and (
+            table is None or _on_table(detection, frame, table, chosen.foot_slack_px)
+        )
+
+    return _find(frame.image, chosen, stands)
+
+
+def find_regions(image: ByteArray, parameters: FindParameters | None = None) -> tuple[Detection, ...]:
+    """Regions of any grey picture (H, W) uint8 that stand out from what is behind them, the largest first."""
+    return _find(image, parameters or FindParameters(), lambda detection: True)
+
+
+def _find(image: ByteArray, chosen: FindParameters, accept: Callable[[Detection], bool]) -> tuple[Detection, ...]:
+    """The picture as a whole first; when nothing there is a part, the picture without its slow changes of light."""
+    smooth = np.asarray(cv2.GaussianBlur(image, (0, 0), chosen.blur_px), np.uint8) if chosen.blur_px > 0.0 else image
+    accepted = tuple(filter(accept, _divided(smooth, smooth, chosen)))
+    return accepted or _evenly_lit(smooth, chosen, accept)
+
+
+def _evenly_lit(
+    smooth: ByteArray, chosen: FindParameters, accept: Callable[[Detection], bool]
+) -> tuple[Detection, ...]:
+    """The same with the illumination taken out; then whatever differs from it by much more than noise does."""
+    residual, noise = flattened(smooth)
+    even = np.clip(np.rint(residual + _MIDDLE), 0.0, 255.0).astype(np.uint8)
+    found = _divided(smooth, even, chosen)
+    accepted = tuple(filter(accept, found))
+    if accepted:
+        return accepted
+    least = max(chosen.noise_ratio * noise, chosen.contrast_min)
+    outliers: list[Detection] = []
+    for bright in (True, False):
+        if chosen.polarity in ("auto", "bright" if bright else "dark"):
+            mask = residual > least if bright else residual < -least
+            level = int(np.clip(_MIDDLE + (least if bright else -least), 0, 255))
+            outliers += _detections(smooth, mask, bright, Threshold(level, 0.0, chosen.method), chosen)
+    return tuple(filter(accept, sorted(outliers, key=lambda detection: -detection.area_px)))
+
+
+def _divided(smooth: ByteArray, even: ByteArray, chosen: FindParameters) -> tuple[Detection, ...]:
+    """Regions of the class that is not behind, when the grey levels of `even` fall into two classes at all."""
+    divided = threshold(even, chosen.method)
+    if divided.separability < chosen.separability_min:
+        return ()
+    above = even > divided.level
+    bright = _bright(above, chosen.polarity)
+    return _detections(smooth, above if bright else ~above, bright, divided, chosen)
+
+
+def _detections(
+    smooth: ByteArray, mask: BoolArray, bright: bool, divided: Threshold, chosen: FindParameters
+) -> tuple[Detection, ...]:
+    found = (
+        _detection(smooth, region, bright, divided, chosen.contrast_min)
+        for region in trace(mask.view(np.uint8), chosen.area_min_px)
+    )
+    return tuple(detection for detection in found if detection.confidence >= chosen.edge_share_min)
+
+
+def _detection(smooth: ByteArray, region: Boundary, bright: bool, divided: Threshold, contrast_min: float) -> Detection:
+    contour, edge = refine(smooth, region.contour_px, bright, contrast_min)
+    height, width = smooth.shape
+    x, y = region.contour_px.T
+    inside = (x > 0) & (x < width - 1) & (y > 0) & (y < height - 1)
+    return Detection(
+        contour_px=contour,
+        centroid_px=region.centroid_px,
+        area_px=region.area_px,
+        touches_border=region.touches_border,
+        level=divided.level,
+        separability=divided.separability,
+        confidence=float(edge[inside].mean()) if np.any(inside) else 0.0,
+        holes_px=tuple(refine(smooth, hole, bright, contrast_min)[0] for hole in region.holes_px),
+    )
+
+
+def _bright(above: BoolArray, polarity: Polarity) -> bool:
+    """Whether parts are the bright class: with `auto`, when most of the picture's rim is dark."""
+    if polarity != "auto":
+        return polarity == "bright"
+    rim = np.concatenate([above[0], above[-1], above[1:-1, 0], above[1:-1, -1]])
+    return bool(rim.mean() <= 0.5)
+
+
+def _runs_through(detection: Detection, width_px: int) -> bool:
+    x = detection.contour_px[:, 0]
+    return bool(x.min() <= 1.0 and x.max() >= width_px - 2.0)
+
+
+def _on_table(detection: Detection, frame: CameraFrame, table: TableRing, slack_px: float) -> bool:
+    lowest: FloatArray = detection.contour_px[np.argmax(detection.contour_px[:, 1])]
+    rows = foot_rows(frame, lowest, table)
+    if rows is None:
+        return False
+    bottom = frame.camera.height_px - 1.0
+    return rows[0] - slack_px <= lowest[1] <= rows[1] + slack_px or (lowest[1] >= bottom - 1.0 and rows[1] > bottom)
