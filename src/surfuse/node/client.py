@@ -129,8 +129,10 @@ class NodeClient:
             if exchange.void or not exchange.missing:
                 break
             if exchange.news > news:
-                wait_s, heard_s = patience.answer_timeout_s, self._monotonic_s()
+                heard_s = self._monotonic_s()
+            if exchange.answered:
                 continue
+            # The node is silent, or slower than we thought: firing may take longer than our patience.
             silent_s = self._monotonic_s() - heard_s
             if silent_s >= patience.silence_limit_s:
                 break

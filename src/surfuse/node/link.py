@@ -163,11 +163,12 @@ class BusLink:
                 continue
             try:
                 message = bus.recv(_POLL_S)
-            except (IndexError, ValueError):
-                # A damaged line of a serial adapter: the next one may be whole.
+            except (IndexError, ValueError) as error:
+                # A damaged line of a serial adapter: the next one may be whole. But python-can's slcan keeps bytes
+                # that are no ASCII in its buffer, where they spoil every line that follows.
                 self._tally.add(Event.RECEIVE_ERRORS)
                 garbage += 1
-                if garbage > _GARBAGE_LIMIT:
+                if garbage > _GARBAGE_LIMIT or isinstance(error, UnicodeDecodeError):
                     self._broken.set()
             except Exception:  # vendor backends raise whatever their libraries raise
                 self._tally.add(Event.RECEIVE_ERRORS)

@@ -11,7 +11,8 @@ from surfuse.errors import ConfigError
 class Patience:
     """How long the host waits and how often it asks.
 
-    answer_timeout_s : wait for the next frame of an answer before asking again; doubles while the node is silent.
+    answer_timeout_s : wait for the next frame of an answer before asking again; doubles until the node says that it
+        is done.
     silence_limit_s : a sweep is given up when the node has said nothing about it for so long.
     rounds : how often a sweep is fired at all, when its answers cannot be trusted or completed.
     reorder_grace_s : wait for frames that a reordering bus still holds after the node has said that it is done.
