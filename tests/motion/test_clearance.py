@@ -8,8 +8,8 @@ from surfuse.errors import ConfigError, SafetyStopError
 from surfuse.geometry.poses import pose, rotation_about, transform_points
 from surfuse.motion.body import Capsule, body_of, fixture_capsules
 from surfuse.motion.clearance import ClearanceModel, check_move
-from surfuse.motion.obstacles import Box, Column, Floor, RingTable
-from surfuse.records import Fixture, SensorSpec
+from surfuse.motion.obstacles import Box, Column, Floor, RingTable, part_box
+from surfuse.records import Fixture, Outline, SensorSpec
 
 SPEC = SensorSpec("s", "sonar", 0.35, 4.0, 0.4, 0.001)
 FIXTURE = Fixture(
@@ -36,6 +36,13 @@ def test_column_floor_and_box_in_closed_form() -> None:
     box = Box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0), turned)
     own = np.array([[-1.0, 1.0, 1.0], [4.0, 6.0, 1.0], [0.5, 1.0, 0.2], [0.9, 1.0, 1.0], [2.0, 4.0, 5.0]])
     assert_allclose(box.distance(transform_points(turned, own)), [1.0, 5.0, -0.2, -0.1, 3.0], atol=1e-12)
+
+
+def test_the_box_of_a_part_stands_on_its_outline() -> None:
+    facing = pose(np.column_stack([[0, -1, 0], [0, 0, 1], [-1, 0, 0]]), [1.05, 0.0, 1.0])
+    box = part_box(Outline([[-0.1, 0.0], [0.1, 0.0], [0.0, 0.2]], facing), front_m=0.05, back_m=0.2)
+    points = np.array([[0.8, 0.0, 1.1], [1.35, 0.0, 1.1], [1.1, 0.3, 1.1], [1.1, 0.0, 1.5]])
+    assert_allclose(box.distance(points), [0.2, 0.1, 0.2, 0.3], atol=1e-12)
 
 
 def test_a_box_is_as_far_as_its_sampled_surface() -> None:

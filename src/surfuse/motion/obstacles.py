@@ -11,7 +11,7 @@ import numpy as np
 from surfuse.errors import ConfigError
 from surfuse.geometry.compiled import compiled
 from surfuse.geometry.poses import inverse
-from surfuse.records import FloatArray
+from surfuse.records import FloatArray, Outline
 
 
 class Obstacle(Protocol):
@@ -96,6 +96,15 @@ class Box:
         """Distances (N,) of points (N, 3) to the box."""
         lower, upper = np.array(self.lower_m), np.array(self.upper_m)
         return _box_distance(points_m, lower, upper, inverse(np.asarray(self.world_from_box)))
+
+
+def part_box(outline: Outline, front_m: float = 0.10, back_m: float = 0.30) -> Box:
+    """The box around an outline that may hold the part: `front_m` before and `back_m` behind its w = 0 plane.
+
+    Before the scan nobody knows how far the part comes out of its outline's plane: `front_m` is the allowance.
+    """
+    low, high = outline.vertices_m.min(axis=0).tolist(), outline.vertices_m.max(axis=0).tolist()
+    return Box((low[0], low[1], -back_m), (high[0], high[1], front_m), outline.world_from_part)
 
 
 @compiled

@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from surfuse.arms.puma import volume
+from surfuse.arms.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND_HEIGHT_M, Puma560
+from surfuse.errors import SafetyStopError
+from surfuse.geometry.poses import pose
+from surfuse.motion.body import body_of, fixture_capsules
+from surfuse.motion.clearance import ClearanceModel, check_move
+from surfuse.motion.obstacles import Box, Floor, RingTable, part_box
+from surfuse.plan.approach import approach
+from surfuse.plan.scan_plan import PlanParameters, scan_plan
+from surfuse.records import Fixture, Outline, SensorSpec
+
+SPEC = SensorSpec("s", "sonar", 0.35, 4.0, 0.4, 0.001)
+SENSORS = Fixture(
+    np.array([pose(np.eye(3), [x, y, 0.0]) for x in (-0.025, 0.025) for y in (-0.025, 0.025)]), (SPEC,) * 4
+)
+ARM = Puma560(pose(np.eye(3), [0, 0, STAND_HEIGHT_M]), pose(np.eye(3), [0, 0, 0.08 - FLANGE_OFFSET_M]))
+BODY = body_of([*volume.CAPSULES, *fixture_capsules(SENSORS, volume.TOOL_LINK)])
+CELL = (RingTable(), Floor(), volume.column(STAND_HEIGHT_M))
+
+
+def plate(azimuth_deg: float) -> Outline:
+    c, s = np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg))
+    facing = np.column_stack([[s, -c, 0.0], [0.0, 0.0, 1.0], [-c, -s, 0.0]])
+    return Outline([[-0.1, 0.0], [0.1, 0.0], [0.1, 0.2], [-0.1, 0.2]], pose(facing, [1.05 * c, 1.05 * s, 1.0]))
+
+
+@pytest.mark.parametrize("azimuth_deg", [*range(-180, 180, 45), 170])
+def test_every_place_on_the_ring_has_a_clear_way_to_its_first_stop(azimuth_deg: float) -> None:
+    outline = plate(azimuth_deg)
+    model = ClearanceModel(ARM.link_poses, BODY, (*CELL, part_box(outline)))
+    goal = scan_plan(outline, ARM, READY_RAD, model, PlanParameters(step_m=0.05)).joints_rad[0]
+    way = approach(READY_RAD, goal, ARM, model)
+    assert_allclose(way[-1], goal)
+    assert np.all((way >= LIMITS.lower_rad) & (way <= LIMITS.upper_rad))
+    for start, end in zip([READY_RAD, *way[:-1]], way, strict=True):
+        check_move(model, start, end, 0.005)
+
+
+def test_the_direct_move_is_taken_when_it_is_clear() -> None:
+    model = ClearanceModel(ARM.link_poses, BODY, CELL)
+    goal = scan_plan(plate(35.0), ARM, READY_RAD, model, PlanParameters(step_m=0.05)).joints_rad[0]
+    assert_allclose(approach(READY_RAD, goal, ARM, model), [goal])
+
+
+def test_a_detour_is_taken_around_what_blocks_the_direct_move() -> None:
+    outline = plate(180.0)
+    model = ClearanceModel(ARM.link_poses, BODY, (*CELL, part_box(outline)))
+    goal = scan_plan(outline, ARM, READY_RAD, model).joints_rad[0]
+    with pytest.raises(SafetyStopError):
+        check_move(model, READY_RAD, goal, 0.005)
+    assert len(approach(READY_RAD, goal, ARM, model)) > 1
+
+
+def test_an_arm_walled_in_has_no_way_and_the_direct_one_is_named() -> None:
+    goal = scan_plan(plate(90.0), ARM, READY_RAD, None, PlanParameters(step_m=0.05)).joints_rad[0]
+    wall = Box((-1.0, 0.35, 0.0), (1.0, 0.37, 3.0), np.eye(4), name="the wall")
+    model = ClearanceModel(ARM.link_poses, BODY, (wall,))
+    with pytest.raises(SafetyStopError, match="the wall"):
+        approach(READY_RAD, goal, ARM, model)
