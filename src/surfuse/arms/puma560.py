@@ -20,12 +20,12 @@ D_M = (0.67183, 0.0, 0.15005, 0.4318, 0.0, 0.0)
 A_M = (0.0, 0.4318, 0.0203, 0.0, 0.0, 0.0)
 ALPHA_RAD = (np.pi / 2, 0.0, -np.pi / 2, np.pi / 2, -np.pi / 2, 0.0)
 
-# Mounting flange in front of the wrist centre (Fu, Gonzalez and Lee 1987, table 2.2); the chain above ends in the
-# wrist centre, so the flange belongs to the tool transform.
+# Mounting flange in front of the wrist centre (Fu, Gonzalez and Lee, Robotics, 1987); the chain above ends in
+# the wrist centre, so the flange belongs to the tool transform.
 FLANGE_OFFSET_M = 0.05625
 
-# Position limits: Wang and Chen, IEEE Trans. Robotics and Automation 7(4), 1991. Speeds and accelerations: data set
-# of Lin, Chang and Luh, IEEE Trans. Automatic Control 28(12), 1983.
+# Position limits: Wang and Chen, IEEE Trans. Robotics and Automation 7(4), 1991. Speeds and accelerations: the data
+# set that later papers attribute to Lin, Chang and Luh, IEEE Trans. Automatic Control 28(12), 1983.
 LIMITS = JointLimits(
     lower_rad=np.radians([-160.0, -45.0, -225.0, -110.0, -100.0, -266.0]),
     upper_rad=np.radians([160.0, 225.0, 45.0, 170.0, 100.0, 266.0]),

@@ -1,7 +1,7 @@
 """The outer shape of the PUMA 560 as capsules, for clearance checks.
 
-Simplified from the published drawings of the arm (Unimation PUMA Mark II 500 series manual): trunk 0.2 m across,
-upper arm beside the trunk at the lateral offset of the shoulder, forearm tapering to the wrist.
+Lengths along the links follow from the Denavit-Hartenberg parameters; the thicknesses are rounded-up estimates, not
+measured ones: measure them on the real arm before relying on small clearances.
 """
 
 from __future__ import annotations
