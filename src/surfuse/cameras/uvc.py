@@ -32,12 +32,12 @@ class UvcCamera:
         return self._model
 
     def __enter__(self) -> Self:
-        level = cv2.getLogLevel()
-        cv2.setLogLevel(0)
+        level = cv2.utils.logging.getLogLevel()
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
         try:
             capture = cv2.VideoCapture(self._index)
         finally:
-            cv2.setLogLevel(level)
+            cv2.utils.logging.setLogLevel(level)
         if not capture.isOpened():
             capture.release()
             raise DeviceError(

@@ -38,7 +38,7 @@ class ProjectionSigmas:
     pitch_rad: float = 0.002
     height_m: float = 0.001
     range_share: float = 0.005
-    relief_m: float = 0.005
+    relief_m: float = 0.010
 
     def __post_init__(self) -> None:
         for name in ("pixel_px", "focal", "pitch_rad", "height_m", "range_share", "relief_m"):

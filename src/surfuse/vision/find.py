@@ -14,10 +14,11 @@ from surfuse.records import BoolArray, ByteArray, CameraFrame, Detection, FloatA
 from surfuse.vision.boundary import Boundary, refine, trace
 from surfuse.vision.flatten import flattened
 from surfuse.vision.table import TableRing, foot_rows
-from surfuse.vision.threshold import METHODS, Threshold, threshold
+from surfuse.vision.threshold import METHODS, Threshold, otsu, threshold
 
 Polarity = Literal["auto", "bright", "dark"]
 _MIDDLE = 128.0
+_DIVISIONS = 4
 
 
 @dataclass(frozen=True)
@@ -86,8 +87,7 @@ def find_regions(image: ByteArray, parameters: FindParameters | None = None) -> 
 def _find(image: ByteArray, chosen: FindParameters, accept: Callable[[Detection], bool]) -> tuple[Detection, ...]:
     """The picture as a whole first; when nothing there is a part, the picture without its slow changes of light."""
     smooth = np.asarray(cv2.GaussianBlur(image, (0, 0), chosen.blur_px), np.uint8) if chosen.blur_px > 0.0 else image
-    accepted = tuple(filter(accept, _divided(smooth, smooth, chosen)))
-    return accepted or _evenly_lit(smooth, chosen, accept)
+    return _divided(smooth, smooth, chosen, accept) or _evenly_lit(smooth, chosen, accept)
 
 
 def _evenly_lit(
@@ -96,10 +96,9 @@ def _evenly_lit(
     """The same with the illumination taken out; then whatever differs from it by much more than noise does."""
     residual, noise = flattened(smooth)
     even = np.clip(np.rint(residual + _MIDDLE), 0.0, 255.0).astype(np.uint8)
-    found = _divided(smooth, even, chosen)
-    accepted = tuple(filter(accept, found))
-    if accepted:
-        return accepted
+    found = _divided(smooth, even, chosen, accept)
+    if found:
+        return found
     least = max(chosen.noise_ratio * noise, chosen.contrast_min)
     outliers: list[Detection] = []
     for bright in (True, False):
@@ -110,14 +109,34 @@ def _evenly_lit(
     return tuple(filter(accept, sorted(outliers, key=lambda detection: -detection.area_px)))
 
 
-def _divided(smooth: ByteArray, even: ByteArray, chosen: FindParameters) -> tuple[Detection, ...]:
-    """Regions of the class that is not behind, when the grey levels of `even` fall into two classes at all."""
+def _divided(
+    smooth: ByteArray, even: ByteArray, chosen: FindParameters, accept: Callable[[Detection], bool]
+) -> tuple[Detection, ...]:
+    """Regions of the class that is not behind, when the grey levels of `even` fall into two classes at all.
+
+    A part may be joined with something that is no part (a table between it and a dark room). So unless all
+    regions are accepted, their class is divided again, by Otsu's method: the other ones may need a whole picture.
+    """
     divided = threshold(even, chosen.method)
-    if divided.separability < chosen.separability_min:
-        return ()
-    above = even > divided.level
-    bright = _bright(above, chosen.polarity)
-    return _detections(smooth, above if bright else ~above, bright, divided, chosen)
+    accepted: list[Detection] = []
+    bright = _bright(even > divided.level, chosen.polarity)
+    for _ in range(_DIVISIONS):
+        mask = even > divided.level if bright else even <= divided.level
+        if divided.separability >= chosen.separability_min:
+            found = _detections(smooth, mask, bright, divided, chosen)
+            accepted += [part for part in filter(accept, found) if not any(_holds(known, part) for known in accepted)]
+            if found and all(map(accept, found)):
+                break
+        if not mask.any():
+            break
+        divided = threshold(even[mask][None, :], otsu.METHOD)
+    return tuple(sorted(accepted, key=lambda detection: -detection.area_px))
+
+
+def _holds(outer: Detection, inner: Detection) -> bool:
+    """Whether the centroid of one region lies inside the boundary of another."""
+    contour = outer.contour_px.astype(np.float32).reshape(-1, 1, 2)
+    return bool(cv2.pointPolygonTest(contour, tuple(inner.centroid_px.tolist()), False) >= 0)
 
 
 def _detections(
