@@ -221,7 +221,11 @@ class ScanPlan:
 
 @dataclass(frozen=True)
 class SensorSpec:
-    """What is known of a range sensor before it is used; the estimators know no more than this."""
+    """What is known of a range sensor before it is used; the estimators know no more than this.
+
+    `dead_length_m` says how far in front of the sensor's origin its beam starts (a tube); the range counts from the
+    origin.
+    """
 
     name: str
     kind: str
@@ -233,6 +237,7 @@ class SensorSpec:
     firing_time_s: float = 0.05
     frequency_hz: float | None = None
     aperture_m: float | None = None
+    dead_length_m: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.range_min_m < self.range_max_m:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
 
 from surfuse.errors import ConfigError
 from surfuse.records import FloatArray
+
+_USUAL_ROUGHNESS = 0.35
 
 
 class Material(IntEnum):
@@ -57,6 +60,16 @@ MATERIALS: dict[Material, Surface] = {
 }
 
 
-def table_of(attribute: str) -> FloatArray:
+def table_of(attribute: str, surfaces: Mapping[Material, Surface] = MATERIALS) -> FloatArray:
     """One property of every material as an array (materials,), indexed by `Material`."""
-    return np.array([float(getattr(MATERIALS[material], attribute)) for material in Material])
+    return np.array([float(getattr(surfaces[material], attribute)) for material in Material])
+
+
+def with_roughness(part_roughness: float) -> dict[Material, Surface]:
+    """`MATERIALS` with another part: roughness 0 is a mirror, 0.35 the default, 1 almost fully diffuse."""
+    if not 0.0 <= part_roughness <= 1.0:
+        raise ConfigError(f"part roughness = {part_roughness}", cure="give 0 (mirror) to 1 (diffuse)")
+    usual = MATERIALS[Material.PART]
+    rough = part_roughness / _USUAL_ROUGHNESS
+    part = replace(usual, roughness_m=usual.roughness_m * rough, diffuse=min(1.0, usual.diffuse * rough**1.5))
+    return {**MATERIALS, Material.PART: part}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +15,7 @@ from surfuse.world.acoustics.beam import BundleParameters, sample_beam
 from surfuse.world.acoustics.detection import burst_envelope, detect
 from surfuse.world.acoustics.edges import NO_EDGES, EdgePoints, sharp_edges
 from surfuse.world.acoustics.kit import TUBE, KitParameters, TransducerParameters
-from surfuse.world.materials import table_of
+from surfuse.world.materials import MATERIALS, Material, Surface, table_of
 from surfuse.world.scene import Scene
 
 BIN_M = 0.0005
@@ -103,6 +104,7 @@ class Sounder:
 
     Parameters
     ----------
+    surfaces : what the materials do to sound.
     seed : which of all surfaces of equal roughness the parts have.
     """
 
@@ -113,6 +115,7 @@ class Sounder:
         kit: KitParameters | None = None,
         air: AirParameters | None = None,
         bundle: BundleParameters | None = None,
+        surfaces: Mapping[Material, Surface] = MATERIALS,
         seed: int = 0,
     ) -> None:
         self.scene, self.transducer, self.seed = scene, transducer, seed
@@ -129,9 +132,9 @@ class Sounder:
         )
         self.edges = _audible(sharp_edges(scene, self.bundle.edge_spacing_m), self.bundle.edge_strength)
         self._grid_from_world = _speckle_grid(scene)
-        self._mirror = table_of("reflectivity")
-        self._roughness = (2.0 * self.wave_number * table_of("roughness_m")) ** 2
-        self._diffuse = table_of("diffuse")
+        self._mirror = table_of("reflectivity", surfaces)
+        self._roughness = (2.0 * self.wave_number * table_of("roughness_m", surfaces)) ** 2
+        self._diffuse = table_of("diffuse", surfaces)
         self._shape, self._level, self._ringing, self._opens = self._timing(self.speed_m_s)
         self._shape2 = self._shape**2
         self._work = _workspace(len(self.beam.directions), len(self._level))
@@ -200,9 +203,10 @@ class Sounder:
             self._grid_from_world, self._mirror, self._roughness, self._diffuse, self.wave_number, self.absorption,
             self.bundle.speckle_cell_m, self.seed, BIN_M, work.mirror, work.real, work.imag, work.extent,
         )  # fmt: skip
+        edges = self.edges
         arrivals.add_edges(
-            rays, count, work.chosen, self.edges.position_m, self.edges.tangent, self.edges.faces,
-            self.edges.length_m, mouth, axis, work.ray, work.distance, beam.two_way, self.bundle.edge_strength, self.wave_number, self.absorption,
+            rays, count, work.chosen, edges.position_m, edges.tangent, edges.faces, edges.length_m, mouth, axis,
+            work.ray, work.distance, beam.two_way, self.bundle.edge_strength, self.wave_number, self.absorption,
             BIN_M, work.mirror, work.extent,
         )  # fmt: skip
         if self.bundle.bounces == 2:
