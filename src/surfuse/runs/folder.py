@@ -79,8 +79,10 @@ class RunFolder:
         return cls(path)
 
     @classmethod
-    def open(cls, path: Path) -> RunFolder:
-        """An existing run folder: one with a configuration and at least one log segment.
+    def open(cls, path: Path, need_log: bool = True) -> RunFolder:
+        """An existing run folder: one with a configuration and, unless `need_log` is false, at least one segment.
+
+        A run that was killed right at its start has no segment yet; `resume` begins it afresh.
 
         Raises
         ------
@@ -91,7 +93,7 @@ class RunFolder:
             raise DataError(what, where=str(path), cure="give a run folder")
         run = cls(path)
         missing = [] if run.configuration.is_file() else ["run.toml"]
-        if not run.log.is_dir() or not segment_paths(run.log):
+        if need_log and not (run.log.is_dir() and segment_paths(run.log)):
             missing.append("log/*.mcap")
         if missing:
             raise DataError(

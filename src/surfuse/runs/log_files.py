@@ -39,6 +39,13 @@ def log_segments(path: Path) -> list[Path]:
     )
 
 
+def has_segments(path: Path) -> bool:
+    """Whether a run folder or log folder, which must be there, holds any segment."""
+    if not path.is_dir():
+        raise DataError("there is no such run folder", where=str(path), cure="give a run folder")
+    return any(segment_paths(folder) for folder in (path / "log", path) if folder.is_dir())
+
+
 def read_whole(path: Path) -> bytes:
     """Content of a file; what the operating system refuses becomes a StorageError."""
     try:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from surfuse.errors import DataError
 from surfuse.records import FusionScene, ScanPlan, Sweep
+from surfuse.runs.log_files import has_segments
 from surfuse.runs.log_reader import read_log
 from surfuse.runs.log_records import RunLog
 
@@ -38,8 +39,10 @@ def read_progress(path: Path) -> ScanProgress | None:
 
     Raises
     ------
-    DataError : no log there, or it holds sweeps but its scene or plan is damaged, so that it cannot be gone on with.
+    DataError : nothing there, or the log holds sweeps but its scene or plan is damaged, so that it cannot be gone on with.
     """
+    if not has_segments(path):
+        return None
     log = read_log(path)
     if log.scene is None or log.plan is None:
         if log.sweeps:

@@ -3,50 +3,27 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from surfuse import durable
 from surfuse.errors import DataError, nearest
-from surfuse.geometry.poses import FloatArray, inverse, transform_points
+from surfuse.geometry.poses import FloatArray
 from surfuse.records import BoolArray, FusionScene, IntArray, Readings, SensorSpec, Status
+from surfuse.runs.assembly import SingleReadings, assemble, status_of_range
 from surfuse.runs.csv_table import OPTIONAL, REQUIRED, UNKNOWN_STATUS, CsvTable, read_csv_table
-from surfuse.runs.scan_log import ScanLog
+from surfuse.runs.scan_log import AssumedSensor, ScanLog
 from surfuse.runs.side_files import (
     METRES_LIMIT,
     frame_toml,
     outline_csv,
-    read_frame,
-    read_outline,
     read_sensors,
     sensors_toml,
-)
-from surfuse.runs.sweep_grouping import (
-    estimate_part_frame,
-    grip_poses,
-    group_by_repeat,
-    row_numbers,
-    sweep_means,
 )
 
 _UNIT_TOLERANCE = 1e-3
 _EXACT_UNIT = 1e-9
-
-
-@dataclass(frozen=True)
-class AssumedSensor:
-    """What is assumed of a sensor when there is no sensors.toml: a bare ultrasonic ranger.
-
-    `beam_full_angle_rad` full beam angle in rad, `range_min_m` and `range_max_m` limits in m (the upper one grows
-    to the largest range seen), `sigma_m` standard deviation in m.
-    """
-
-    beam_full_angle_rad: float = math.radians(22.0)
-    range_min_m: float = 0.0
-    range_max_m: float = 4.0
-    sigma_m: float = 0.003
 
 
 def read_readings_csv(
@@ -73,43 +50,21 @@ def read_readings_csv(
     sensor = _sensor_numbers(table, specs)
     range_m, status = _ranges(table, warnings)
     axis = _unit_axes(table)
-    rows, start, stops = _sweeps(table, sensor, _order(table, sensor, warnings))
-    position, axis = table.position_m[rows], axis[rows]
-    frame_path = _beside(path, frame, "frame.toml")
-    if frame_path is None:
-        centre = sweep_means(start, position)
-        world_from_part = estimate_part_frame(centre, axis.mean(axis=0), range_m[rows])
-        warnings.append("no frame.toml: the part frame is estimated from the readings")
-    else:
-        world_from_part = read_frame(frame_path)
-    outline_path = _beside(path, outline, "outline.csv")
-    if outline_path is not None and frame_path is None:
-        raise DataError("an outline without a part frame", where=str(outline_path), cure="add frame.toml beside it")
-    poses = grip_poses(start, position, axis, world_from_part[:3, 0])
+    rows = _order(table, sensor, warnings)
     nothing = np.full(len(rows), np.nan)
-    readings = Readings(
+    single = SingleReadings(
         specs=specs,
         t_s=table.t_s[rows],
         sensor=sensor[rows],
-        position_m=position,
-        axis=axis,
+        position_m=table.position_m[rows],
+        axis=axis[rows],
         range_m=range_m[rows],
         status=status[rows],
         amplitude=nothing if table.amplitude is None else table.amplitude[rows],
         sigma_m=nothing if table.sigma_m is None else table.sigma_m[rows],
-        count=np.ones(len(rows), dtype=np.int64),
-        start=start,
-        stop=stops,
-        row=row_numbers(transform_points(inverse(world_from_part), poses[:, :3, 3])[:, :2]),
-        world_from_grip=poses,
+        stop=None if table.stop is None else table.stop[rows],
     )
-    return ScanLog(
-        readings=readings,
-        world_from_part=world_from_part,
-        frame_estimated=frame_path is None,
-        outline=None if outline_path is None else read_outline(outline_path, world_from_part),
-        warnings=tuple(warnings),
-    )
+    return assemble(single, _beside(path, frame, "frame.toml"), _beside(path, outline, "outline.csv"), warnings)
 
 
 def _beside(path: Path, given: Path | None, name: str) -> Path | None:
@@ -143,9 +98,8 @@ def _check_poses(table: CsvTable) -> None:
                 where=table.where(row, name),
                 cure="divide by 1000, positions and ranges are in metres",
             )
-    row = _first(table.range_m < 0.0) if np.any(np.isfinite(table.range_m) & (table.range_m < 0.0)) else None
+    row = _first(np.isfinite(table.range_m) & (table.range_m < 0.0))
     if row is not None:
-        row = _first(np.isfinite(table.range_m) & (table.range_m < 0.0)) or 0
         cure = "a range is >= 0; too close is '-inf', faulty is 'nan', no echo is empty"
         raise DataError(f"range_m = {table.range_m[row]:g}", where=table.where(row, "range_m"), cure=cure)
     _check_optional(table)
@@ -220,24 +174,16 @@ def _sensor_numbers(table: CsvTable, specs: tuple[SensorSpec, ...]) -> IntArray:
 
 
 def _ranges(table: CsvTable, warnings: list[str]) -> tuple[FloatArray, IntArray]:
-    """Ranges with their status; where the file's own status contradicts its range, the worse of the two counts."""
-    value = np.array([0.0, np.inf, -np.inf, np.nan])
-    implied = np.select(
-        [np.isnan(table.range_m), np.isposinf(table.range_m), np.isneginf(table.range_m)],
-        [int(Status.FAULT), int(Status.NO_ECHO), int(Status.TOO_CLOSE)],
-        default=int(Status.OK),
-    ).astype(np.int64)
+    """Ranges with their status; a reading is an echo only when both its range and its own status say so."""
+    implied = status_of_range(table.range_m)
     if table.status is None:
         return table.range_m, implied
     given = np.where(table.status == UNKNOWN_STATUS, implied, table.status)
     status = np.where(given == int(Status.OK), implied, given)
-    contradicting = int(np.sum(status != table.status) - np.sum(table.status == UNKNOWN_STATUS))
-    contradicting += int(np.sum((status != implied) & (implied != int(Status.OK))))
-    hidden = int(np.sum((status != int(Status.OK)) & (implied == int(Status.OK))))
+    contradicting = int(np.sum(given != implied))
     if contradicting:
-        warnings.append(f"{contradicting} readings have a status that contradicts their range; they are no echoes")
-    if hidden:
-        warnings.append(f"{hidden} readings have a range, but a status that says they are none; the status counts")
+        warnings.append(f"{contradicting} readings have a status that contradicts their range; they count as no echoes")
+    value = np.array([np.nan, np.inf, -np.inf, np.nan])
     return np.where(status == int(Status.OK), table.range_m, value[status]), status
 
 
@@ -269,24 +215,6 @@ def _order(table: CsvTable, sensor: IntArray, warnings: list[str]) -> IntArray:
         )
     warnings.append(f"{len(later)} readings are repeated (same sensor, same time); each is used once")
     return order[~np.isin(order, later)]
-
-
-def _sweeps(table: CsvTable, sensor: IntArray, order: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """Rows sweep after sweep (N,), where each sweep starts (M + 1,), and the numbers of the stops (M,).
-
-    Sweeps come in the order of their first reading; the rows of one stop belong together wherever they are.
-    """
-    if table.stop is None:
-        sweep = group_by_repeat(sensor[order])
-        stops = np.arange(int(sweep[-1]) + 1)
-    else:
-        found, first, of_row = np.unique(table.stop[order], return_index=True, return_inverse=True)
-        by_time = np.argsort(first)
-        rank = np.empty(len(found), dtype=np.int64)
-        rank[by_time] = np.arange(len(found))
-        sweep, stops = rank[of_row], found[by_time]
-    start = np.concatenate([[0], np.cumsum(np.bincount(sweep))]).astype(np.int64)
-    return order[np.argsort(sweep, kind="stable")], start, stops
 
 
 def write_readings_csv(path: Path, readings: Readings, scene: FusionScene | None, *, overwrite: bool = False) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,20 @@ class ScanLog:
             outline=self.outline,
             depth_max_m=self.depth_max_m,
         )
+
+
+@dataclass(frozen=True)
+class AssumedSensor:
+    """What is assumed of a sensor when the log does not say it: a bare ultrasonic ranger.
+
+    `beam_full_angle_rad` full beam angle in rad, `range_min_m` and `range_max_m` limits in m (the upper one grows
+    to the largest range seen), `sigma_m` standard deviation in m.
+    """
+
+    beam_full_angle_rad: float = math.radians(22.0)
+    range_min_m: float = 0.0
+    range_max_m: float = 4.0
+    sigma_m: float = 0.003
 
 
 def require_echoes(readings: Readings, where: str) -> None:
