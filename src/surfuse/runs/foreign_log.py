@@ -6,12 +6,14 @@ the reading has no pose; it is left out and told.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+from mcap.exceptions import McapError
 from mcap_ros2.decoder import DecoderFactory
 
 from surfuse.errors import DataError, nearest
@@ -96,7 +98,7 @@ def _gather(found: Walk, gathered: _Gathered, path: Path) -> None:
                 _take_range(decoded, message.log_time, gathered)
         except DataError as error:
             raise DataError(error.what, where=str(path), cure=error.cure) from error
-        except (ValueError, TypeError, IndexError, AttributeError, EOFError) as error:
+        except (McapError, struct.error, ValueError, TypeError, IndexError, AttributeError, EOFError) as error:
             raise DataError(f"a message of {topic} cannot be decoded: {error}", where=str(path)) from error
 
 
@@ -216,11 +218,8 @@ def _poses(
         )
     roots = {gathered.tree.root(name) for name in names}
     if len(roots) > 1:
-        raise DataError(
-            f"the sensors hang on different frames ({', '.join(sorted(roots))})",
-            where=str(path),
-            cure="join them in /tf",
-        )
+        listing = ", ".join(sorted(roots))
+        raise DataError(f"the sensors hang on different frames ({listing})", where=str(path), cure="join them in /tf")
     for i in np.unique(sensor):
         mine = np.flatnonzero(sensor == i)
         poses[mine], known[mine] = gathered.tree.poses(specs[i].name, time_ns[mine])

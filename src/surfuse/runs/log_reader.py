@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
 
+from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Schema
 from mcap_ros2.decoder import DecoderFactory
 
@@ -20,7 +21,7 @@ from surfuse.runs.log_walk import Walk, walk
 from surfuse.runs.own_topics import EVENT_TOPIC, OWN_TOPICS, PLAN_TOPIC, SCENE_TOPIC, SWEEP_TOPIC, VIEW_TOPIC
 from surfuse.runs.segment import MARK
 
-_DECODE_ERRORS = (ValueError, TypeError, IndexError, AttributeError, struct.error, EOFError, SurfuseError)
+_DECODE_ERRORS = (McapError, ValueError, TypeError, IndexError, AttributeError, struct.error, EOFError, SurfuseError)
 
 
 @dataclass

@@ -16,6 +16,7 @@ from io import BytesIO
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Metadata, Schema
 
@@ -25,6 +26,7 @@ MAGIC = b"\x89MCAP0\r\n"
 _PREFIX = 9
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _CHUNK_LIMIT = 1 << 30
+_RECORD_ERRORS = (McapError, EOFError, ValueError, struct.error)
 
 
 @dataclass
@@ -80,8 +82,15 @@ def _record_end(data: bytes, position: int) -> int | None:
         return end if length == 6 + entries and entries % 16 == 0 else None
     if opcode == Opcode.DATA_END:
         return end if length == 4 else None
-    # A chunk whose opcode was damaged must not be skipped as something else.
-    return None if length > _CHUNK_HEAD.size and _chunk_fields_agree(data, position, length) else end
+    # A chunk whose opcode was damaged must not be skipped as something else, and a damaged length not be followed.
+    disguised = length > _CHUNK_HEAD.size and _chunk_fields_agree(data, position, length)
+    return None if disguised or not _head_is_plausible(data, end) else end
+
+
+def _head_is_plausible(data: bytes, position: int) -> bool:
+    """Whether a record could begin here: a known opcode and a length below 4 GiB, as far as the file goes."""
+    head = data[position : position + _PREFIX]
+    return not head or data[position:] == MAGIC or (1 <= head[0] <= 15 and not any(head[5:]))
 
 
 def _chunk_fields_agree(data: bytes, position: int, length: int) -> bool:
@@ -156,7 +165,7 @@ def _take(data: bytes, position: int, end: int, found: Walk) -> None:
     elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA):
         try:
             _take_record(opcode, data[position + _PREFIX : end], found)
-        except (EOFError, ValueError, struct.error) as error:
+        except _RECORD_ERRORS as error:
             found.damage.append((position, Damage.CORRUPT, f"a record cannot be read: {error}"))
 
 
@@ -168,7 +177,7 @@ def _take_chunk(data: bytes, position: int, end: int, found: Walk) -> None:
     try:
         for opcode, body in _records(content):
             _take_record(opcode, body, found)
-    except (EOFError, ValueError, struct.error) as error:
+    except _RECORD_ERRORS as error:
         found.damage.append((position, Damage.CORRUPT, f"a chunk cannot be read: {error}"))
     found.chunk_ends.append(len(found.messages))
 

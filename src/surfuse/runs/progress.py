@@ -39,7 +39,7 @@ def read_progress(path: Path) -> ScanProgress | None:
 
     Raises
     ------
-    DataError : nothing there, or the log holds sweeps but its scene or plan is damaged, so that it cannot be gone on with.
+    DataError : nothing there, or the log holds sweeps but its scene or plan is damaged, and there is no way on.
     """
     if not has_segments(path):
         return None

@@ -34,14 +34,7 @@ class TransformTree:
         """Names of all child frames."""
         return tuple(self._edges)
 
-    def add(
-        self,
-        parent: str,
-        child: str,
-        time_ns: int,
-        value: tuple[float, float, float, float, float, float, float],
-        static: bool,
-    ) -> None:
+    def add(self, parent: str, child: str, time_ns: int, value: tuple[float, ...], static: bool) -> None:
         """One transform: translation x, y, z in m and quaternion x, y, z, w.
 
         Raises
@@ -111,7 +104,8 @@ def _slerp(a: FloatArray, b: FloatArray, share: FloatArray) -> FloatArray:
     wa = np.where(near, 1.0 - share, np.sin((1.0 - share) * angle) / sine)
     wb = np.where(near, share, np.sin(share * angle) / sine)
     mixed: FloatArray = wa * a + wb * b
-    return mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+    length: FloatArray = np.linalg.norm(mixed, axis=1, keepdims=True)
+    return mixed / length
 
 
 def _matrices(values: FloatArray) -> FloatArray:
@@ -119,19 +113,10 @@ def _matrices(values: FloatArray) -> FloatArray:
     x, y, z, w = values[:, 3:].T
     result = np.tile(np.eye(4), (len(values), 1, 1))
     result[:, :3, 3] = values[:, :3]
-    result[:, 0, 0], result[:, 0, 1], result[:, 0, 2] = (
-        1 - 2 * (y * y + z * z),
-        2 * (x * y - z * w),
-        2 * (x * z + y * w),
-    )
-    result[:, 1, 0], result[:, 1, 1], result[:, 1, 2] = (
-        2 * (x * y + z * w),
-        1 - 2 * (x * x + z * z),
-        2 * (y * z - x * w),
-    )
-    result[:, 2, 0], result[:, 2, 1], result[:, 2, 2] = (
-        2 * (x * z - y * w),
-        2 * (y * z + x * w),
-        1 - 2 * (x * x + y * y),
-    )
+    rotation = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    result[:, :3, :3] = np.moveaxis(np.array(rotation), -1, 0)
     return result
