@@ -78,11 +78,14 @@ def _frames(source: Path) -> Iterator[ByteArray]:
         return (_picture(file) for file in files)
     if not source.exists():
         raise DeviceError("no such file or folder", cure="give the path of a recording", where=str(source))
-    return _video(source) if source.suffix.lower() in VIDEOS else iter((_picture(source),))
+    return _video(source) if source.suffix.lower() in VIDEOS else map(_picture, (source,))
 
 
 def _picture(file: Path) -> ByteArray:
-    content = np.frombuffer(file.read_bytes(), np.uint8)
+    try:
+        content = np.frombuffer(file.read_bytes(), np.uint8)
+    except OSError as error:
+        raise DataError(f"cannot read it ({error.strerror})", cure="check the recording", where=str(file)) from error
     decoded = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE) if content.size else None
     if decoded is None:
         raise DataError("not a picture that can be read", cure="remove it from the recording", where=str(file))

@@ -14,7 +14,9 @@ from surfuse.records import BoolArray, ByteArray, FloatArray
 _REACH_PX = 3.0
 _STEP_PX = 0.5
 _PLATEAU_PX = 2.0
+_PASSES = 2
 _CHUNK = 8192
+_OFFSETS = np.arange(-_REACH_PX, _REACH_PX + 0.5 * _STEP_PX, _STEP_PX)
 
 Picture = npt.NDArray[np.float32]
 
@@ -69,13 +71,16 @@ def refine(image: ByteArray, contour_px: FloatArray, bright: bool, contrast_min:
     window = image[low[1] : high[1], low[0] : high[0]].astype(np.float32)
     points = contour_px - low
     outward = _outward(window, points, bright)
-    offsets = np.arange(-_REACH_PX, _REACH_PX + 0.5 * _STEP_PX, _STEP_PX)
-    profile = _profiles(window, points, outward, offsets) * (1.0 if bright else -1.0)
-    inner = profile[:, offsets <= -_PLATEAU_PX].mean(axis=1)
-    outer = profile[:, offsets >= _PLATEAU_PX].mean(axis=1)
-    shift, crossed = _crossing(profile, offsets, 0.5 * (inner + outer))
-    found = crossed & (inner - outer >= contrast_min)
-    return contour_px + np.where(found, shift, 0.5)[:, None] * outward, found
+    shift, found = np.zeros(len(points)), np.ones(len(points), dtype=np.bool_)
+    # The plateaus are only read fairly from a profile around the edge: the first pass finds it, the second measures.
+    for _ in range(_PASSES):
+        profile = _profiles(window, points + shift[:, None] * outward, outward) * (1.0 if bright else -1.0)
+        inner = profile[:, _OFFSETS <= -_PLATEAU_PX].mean(axis=1)
+        outer = profile[:, _OFFSETS >= _PLATEAU_PX].mean(axis=1)
+        further, crossed = _crossing(profile, 0.5 * (inner + outer))
+        found &= crossed & (inner - outer >= contrast_min)
+        shift = np.where(found, shift + further, 0.5)
+    return contour_px + shift[:, None] * outward, found
 
 
 def _points(contour: object) -> FloatArray:
@@ -119,13 +124,13 @@ def _outward(window: Picture, points: FloatArray, bright: bool) -> FloatArray:
     return -direction if bright else direction
 
 
-def _profiles(window: Picture, points: FloatArray, outward: FloatArray, offsets: FloatArray) -> FloatArray:
+def _profiles(window: Picture, points: FloatArray, outward: FloatArray) -> FloatArray:
     """Grey levels (N, S) along the outward direction, between pixels by linear interpolation."""
     parts = []
     for start in range(0, len(points), _CHUNK):
         rows = slice(start, start + _CHUNK)
-        x = points[rows, :1] + offsets * outward[rows, :1]
-        y = points[rows, 1:] + offsets * outward[rows, 1:]
+        x = points[rows, :1] + _OFFSETS * outward[rows, :1]
+        y = points[rows, 1:] + _OFFSETS * outward[rows, 1:]
         sampled = cv2.remap(
             window, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
@@ -133,13 +138,12 @@ def _profiles(window: Picture, points: FloatArray, outward: FloatArray, offsets:
     return np.concatenate(parts)
 
 
-def _crossing(profile: FloatArray, offsets: FloatArray, level: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Where each profile falls through its level, nearest to half a pixel outwards, and whether it does at all."""
+def _crossing(profile: FloatArray, level: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Offset (N,) at which each profile falls through its level, the smallest one, and whether it does at all (N,)."""
     above = profile >= level[:, None]
     falls = above[:, :-1] & ~above[:, 1:]
-    distance = np.where(falls, np.abs(offsets[:-1] + 0.5 * _STEP_PX - 0.5), np.inf)
-    where = np.argmin(distance, axis=1)
+    where = np.argmin(np.where(falls, np.abs(_OFFSETS[:-1] + 0.5 * _STEP_PX), np.inf), axis=1)
     rows = np.arange(len(profile))
     before, after = profile[rows, where], profile[rows, where + 1]
     drop = np.where(before > after, before - after, 1.0)
-    return offsets[where] + _STEP_PX * (before - level) / drop, np.asarray(falls.any(axis=1))
+    return _OFFSETS[where] + _STEP_PX * (before - level) / drop, np.asarray(falls.any(axis=1))

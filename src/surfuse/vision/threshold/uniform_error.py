@@ -30,10 +30,14 @@ class BlockCounts:
 
 
 def threshold(image: ByteArray) -> Threshold:
-    """Divide an image (H, W) uint8; of an image smaller than 2 x 2 pixels its lowest grey level."""
+    """Divide an image (H, W) uint8; never below its lowest grey level, which also is the answer without 2 x 2 pixels.
+
+    Two levels in pure blocks have phi = 1 everywhere between them: the lower one is their level.
+    """
     counts = histogram(image)
-    occupied = np.flatnonzero(counts)
-    level = from_blocks(block_counts(image)) if len(occupied) > 1 and min(image.shape) > 1 else int(occupied[0])
+    level = int(np.flatnonzero(counts)[0])
+    if min(image.shape) > 1:
+        level = max(level, from_blocks(block_counts(image)))
     return Threshold(level, separability(counts, level), METHOD)
 
 
