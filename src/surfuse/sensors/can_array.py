@@ -102,8 +102,8 @@ class CanArray:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._link.__exit__(kind, error, trace)
         self._client.close()
+        self._link.__exit__(kind, error, trace)
 
     @property
     def fixture(self) -> Fixture:
