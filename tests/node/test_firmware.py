@@ -1,0 +1,151 @@
+"""The node's program on the in-process bus: signs of life, start and stop, and drivers that misbehave."""
+
+import math
+import threading
+import time
+
+import pytest
+
+from surfuse.errors import ConfigError, DeviceError
+from surfuse.node.catalogue import Catalogue
+from surfuse.node.counters import BusCounters, Event, Tally
+from surfuse.node.firmware import MonotonicClock, Node, run
+from surfuse.node.link import BusLink, BusParameters, open_bus
+from surfuse.node.messages import Acknowledge, Frame, Heartbeat, NodeState, Query, Reading, Result, Trigger
+from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.node.watch import NodeWatch, Verdict
+from surfuse.records import Echo, SensorSpec, Status
+
+CATALOGUE = Catalogue()
+CLOCK = MonotonicClock()
+
+
+class Ranger:
+    spec = SensorSpec("stand-in", "ultrasonic", 0.3, 4.0, 0.3, 0.001)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, error, trace): ...
+
+    def fire(self):
+        return Echo(math.inf, Status.NO_ECHO, CLOCK.now_s(), count=0)
+
+
+def link(channel):
+    return BusLink(lambda: open_bus(BusParameters(channel=channel)), CLOCK, Tally())
+
+
+def responder(**more):
+    return Responder([Ranger(), Ranger()], CLOCK, NodeIdentity(uid=77, session=5), CATALOGUE, **more)
+
+
+def heard(end, number, limit_s=5.0):
+    messages, give_up_s = [], time.monotonic() + limit_s
+    while len(messages) < number and time.monotonic() < give_up_s:
+        arrival = end.receive(0.1)
+        if arrival is not None:
+            messages.append(CATALOGUE.decode(arrival.frame))
+    return messages
+
+
+def test_a_node_shows_signs_of_life_by_itself_and_when_asked():
+    with link("signs_of_life") as end, Node(responder(), link("signs_of_life"), heartbeat_s=0.05):
+        first, second = heard(end, 2)
+        assert first == second == Heartbeat(1, NodeState.STARTING, 5, 0, 0, 1, 0, 77)
+    with link("asked") as end, Node(responder(), link("asked"), heartbeat_s=100.0):
+        heard(end, 1)
+        end.send(CATALOGUE.encode(Query(1, 0, 0)))
+        (answer,) = heard(end, 1)
+        assert isinstance(answer, Heartbeat)
+
+
+def test_a_trigger_is_acknowledged_answered_and_done():
+    with link("answered") as end, Node(responder(), link("answered"), heartbeat_s=100.0):
+        heard(end, 1)
+        end.send(CATALOGUE.encode(Trigger(1, 9, 0, 0b11, 4)))
+        messages = heard(end, 6)
+    results = [message.result for message in messages if isinstance(message, Acknowledge)]
+    assert results == [Result.ACCEPTED, Result.DONE]
+    assert [message.sensor for message in messages if isinstance(message, Reading)] == [0, 1]
+
+
+def test_an_older_trigger_is_stale_and_a_new_host_is_not():
+    node = responder()
+    frames = list(node.answer(CATALOGUE.encode(Trigger(1, 9, 0, 1, 4))))
+    assert len(frames) == 4
+    (stale,) = node.answer(CATALOGUE.encode(Trigger(1, 8, 0, 1, 4)))
+    assert CATALOGUE.decode(stale).result is Result.STALE
+    assert len(list(node.answer(CATALOGUE.encode(Trigger(1, 8, 0, 1, 5))))) == 4
+
+
+def test_a_repeated_trigger_does_not_fire_again():
+    fired = []
+
+    class Counting(Ranger):
+        def fire(self):
+            fired.append(1)
+            return Echo(0.5, Status.OK, CLOCK.now_s(), 0.5, 0.001, 4)
+
+    node = Responder([Counting()], CLOCK, NodeIdentity(), CATALOGUE)
+    first = [CATALOGUE.decode(frame) for frame in node.answer(CATALOGUE.encode(Trigger(1, 3, 0, 1, 0)))]
+    again = [CATALOGUE.decode(frame) for frame in node.answer(CATALOGUE.encode(Trigger(1, 3, 1, 1, 0)))]
+    assert len(fired) == 1
+    assert again[1] == first[1]._replace(attempt=1)
+    assert again[2] == first[2]._replace(attempt=1, accepted=0)
+
+
+def test_run_serves_until_it_is_told_to_stop():
+    stop = threading.Event()
+    with link("run") as end:
+        thread = threading.Thread(target=lambda: run(responder(), link("run"), stop, heartbeat_s=0.05))
+        thread.start()
+        assert len(heard(end, 2)) == 2
+        stop.set()
+        thread.join(timeout=5.0)
+        assert not thread.is_alive()
+
+
+def test_an_adapter_that_is_not_there_ends_the_program_at_once():
+    def absent():
+        raise DeviceError("no adapter")
+
+    with pytest.raises(DeviceError):
+        run(responder(), BusLink(absent, CLOCK, Tally()), threading.Event())
+
+
+def test_bad_frames_show_in_the_heartbeat():
+    node = responder()
+    for _ in range(300):
+        list(node.answer(Frame(2 << 7 | 1 << 4, b"short")))
+    assert CATALOGUE.decode(node.heartbeat()).rx_errors == 255
+
+
+@pytest.mark.parametrize("change", [{"node": 0}, {"node": 8}, {"uid": -1}, {"session": 256}])
+def test_an_identity_has_limits(change):
+    with pytest.raises(ConfigError, match=next(iter(change))):
+        NodeIdentity(**change)
+
+
+def test_a_node_has_one_to_eight_sensors():
+    for number in (0, 9):
+        with pytest.raises(ConfigError, match=f"{number} sensors"):
+            Responder([Ranger()] * number, CLOCK, NodeIdentity(), CATALOGUE)
+    with pytest.raises(ConfigError, match="pings"):
+        responder(pings=4)
+
+
+def test_the_watch_tells_a_restart_from_a_rival():
+    watch = NodeWatch()
+    verdicts = [watch.see(session) for session in (4, 4, 9, 9, 4)]
+    assert verdicts == [Verdict.SAME, Verdict.SAME, Verdict.RESTARTED, Verdict.SAME, Verdict.RIVAL]
+    other = NodeWatch()
+    assert other.hear(Heartbeat(1, NodeState.READY, 4, 0, 0, 1, 0, 1)) is Verdict.SAME
+    assert other.hear(Heartbeat(1, NodeState.READY, 4, 0, 0, 1, 0, 2)) is Verdict.RIVAL
+
+
+def test_every_event_is_a_counter_in_the_same_order():
+    assert [event.value for event in Event] == list(BusCounters.__dataclass_fields__)
+    tally = Tally()
+    tally.add(Event.LOST, 3)
+    assert tally.snapshot().lost == 3
