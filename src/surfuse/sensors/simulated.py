@@ -14,7 +14,16 @@ from surfuse.sensors.polaroid import averaging_of, within_limits
 
 
 class SimulatedSensor:
-    """See `create`."""
+    """A ranger with any spec in the twin.
+
+    Parameters
+    ----------
+    spec : the ranger.
+    world : the twin.
+    pose : returns `world_from_sensor` (4, 4) as it truly is at the moment of firing.
+    clock : simulated time; every reading advances it by `spec.firing_time_s`.
+    pings : emissions averaged for one reading.
+    """
 
     def __init__(
         self, spec: SensorSpec, world: World, pose: Callable[[], FloatArray], clock: Clock, pings: int
@@ -48,14 +57,5 @@ class SimulatedSensor:
 def create(
     spec: SensorSpec, world: World, pose: Callable[[], FloatArray], clock: Clock, pings: int = 5
 ) -> SimulatedSensor:
-    """A ranger with any spec in the twin.
-
-    Parameters
-    ----------
-    spec : the ranger.
-    world : the twin.
-    pose : returns `world_from_sensor` (4, 4) as it truly is at the moment of firing.
-    clock : simulated time; every reading advances it by `spec.firing_time_s`.
-    pings : emissions averaged for one reading.
-    """
+    """A ranger with any spec in the twin; `pose`, `clock` and `pings` as in `SimulatedSensor`."""
     return SimulatedSensor(spec, world, pose, clock, pings)

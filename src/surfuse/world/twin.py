@@ -65,6 +65,7 @@ class Twin:
             raise ConfigError(f"seed = {seed}", cure="give 0 or more")
         self._scene, self._parameters, self._seed = scene, parameters or TwinParameters(), seed
         self._sounders: dict[tuple[TransducerParameters, float], Sounder] = {}
+        self._of_spec: dict[SensorSpec, Sounder] = {}
         self._streams: dict[tuple[int, int], Generator] = {}
         self._stop = (0, 0)
         self._gate = threading.Lock()
@@ -119,21 +120,20 @@ class Twin:
         return self._streams[key]
 
     def _sounder(self, spec: SensorSpec) -> Sounder:
+        if spec not in self._of_spec:
+            self._of_spec[spec] = self._shared_sounder(spec)
+        return self._of_spec[spec]
+
+    def _shared_sounder(self, spec: SensorSpec) -> Sounder:
+        """Sensors of one kind share their acoustics."""
         own = self._parameters
         named = own.transducers.get(spec.name)
         transducer = named or transducer_of(spec)
         frequency_hz = own.kit.frequency_hz if named else spec.frequency_hz or own.kit.frequency_hz
         key = (transducer, frequency_hz)
         if key not in self._sounders:
-            self._sounders[key] = Sounder(
-                self._scene,
-                transducer,
-                replace(own.kit, frequency_hz=frequency_hz),
-                own.air,
-                own.bundle,
-                own.surfaces,
-                self._seed,
-            )
+            kit = replace(own.kit, frequency_hz=frequency_hz)
+            self._sounders[key] = Sounder(self._scene, transducer, kit, own.air, own.bundle, own.surfaces, self._seed)
         return self._sounders[key]
 
 

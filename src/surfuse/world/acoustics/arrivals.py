@@ -16,6 +16,8 @@ from surfuse.records import FloatArray, IntArray
 # Half-width of the mirror lobe in units of the first Fresnel zone: matches knife-edge diffraction at one zone radius.
 LOBE = 0.7
 _GRAZING = 1e-3
+# Energy gain below which a diffuse hit is left out: 60 dB under one on the axis.
+_INAUDIBLE = 1e-6
 # Share of an edge's energy that does not keep to its normal plane.
 _SKEW = 0.03
 
@@ -140,41 +142,36 @@ def distances(
 
 
 @compiled
-def foot_share(
-    j: int,
-    mouth: FloatArray,
-    rotation: FloatArray,
-    ray: FloatArray,
-    hit: IntArray,
-    distance: FloatArray,
-    normal: FloatArray,
-    offset: FloatArray,
-    nearest: IntArray,
-    edge_sine: float,
-    tolerance_m: float,
-    foot: FloatArray,
-) -> float:
-    """How surely the foot of the perpendicular on ray j's surface lies on that surface, 0 to 1.
+def bend_at_foot(
+    j: int, mouth: FloatArray, rotation: FloatArray, ray: FloatArray, hit: IntArray, distance: FloatArray,
+    height: float, normal: FloatArray, offset: FloatArray, nearest: IntArray, edge_sine: float, foot: FloatArray,
+) -> float:  # fmt: skip
+    """Where the mirror point of ray j's surface lies: 0 at the foot of its perpendicular, 1 at the ray's own hit.
 
-    The bundle itself answers: the ray next to the foot must have met the same plane. `foot` (1,) receives the sine
-    of the foot's angle from the axis.
+    A plane's mirror point is the foot; a ball's lies at the share d / (d + radius) of the way back to the ray; beyond
+    an edge there is none, and the hit stands for it. The bundle itself tells how the surface goes on: the hit of the
+    ray next to the foot is so far behind the tangent plane as its curvature says. `foot` (3,) receives the direction
+    of the foot, world frame.
     """
     t = hit[j]
     sign = -1.0 if normal[t, 0] * ray[j, 0] + normal[t, 1] * ray[j, 1] + normal[t, 2] * ray[j, 2] < 0.0 else 1.0
-    x = sign * (normal[t, 0] * rotation[0, 0] + normal[t, 1] * rotation[1, 0] + normal[t, 2] * rotation[2, 0])
-    y = sign * (normal[t, 0] * rotation[0, 1] + normal[t, 1] * rotation[1, 1] + normal[t, 2] * rotation[2, 1])
-    z = sign * (normal[t, 0] * rotation[0, 2] + normal[t, 1] * rotation[1, 2] + normal[t, 2] * rotation[2, 2])
-    foot[0] = np.sqrt(x * x + y * y) if z > 0.0 else 1.0
-    if foot[0] > edge_sine:
-        return 1.0
+    for a in range(3):
+        foot[a] = sign * normal[t, a]
+    x = foot[0] * rotation[0, 0] + foot[1] * rotation[1, 0] + foot[2] * rotation[2, 0]
+    y = foot[0] * rotation[0, 1] + foot[1] * rotation[1, 1] + foot[2] * rotation[2, 1]
+    if x * x + y * y > edge_sine * edge_sine:
+        return 0.0
     scale = 0.5 * (nearest.shape[0] - 1)
     k = nearest[int((x / edge_sine + 1.0) * scale + 0.5), int((y / edge_sine + 1.0) * scale + 0.5)]
     if hit[k] < 0 or not np.isfinite(distance[k]):
-        return 0.0
-    gap = -offset[t]
+        return 1.0
+    behind, apart2 = -height, 0.0
     for a in range(3):
-        gap += normal[t, a] * (mouth[a] + distance[k] * ray[k, a])
-    return float(np.exp(-((gap / tolerance_m) ** 2)))
+        behind += foot[a] * distance[k] * ray[k, a]
+        apart2 += (distance[k] * ray[k, a] - distance[j] * ray[j, a]) ** 2
+    bend = height * 2.0 * behind / max(apart2, 1e-8)
+    # A surface in front of the tangent plane hides the foot, or focuses; then the hit stands for the mirror point too.
+    return 1.0 if bend < -0.5 else bend / (1.0 + bend)
 
 
 @compiled
@@ -211,12 +208,12 @@ def add_surfaces(
     """Mirror-like and diffuse echoes of the bundle's rays (N, of which `weight` has the length).
 
     Mirror: the lobe exp(-tan(i)^2 / s^2) / (4 pi s^2 cos(i)^5) makes a facing plate return 1 / (2 d)^2 and a sphere
-    of radius rho the share (rho / (d + rho))^2 of it. Where the foot of the perpendicular is on the surface, distance
-    and directivity are those of the foot (image source); else those of the ray (diffraction at the edge).
+    of radius rho the share (rho / (d + rho))^2 of it. Distance and directivity are those of the mirror point
+    (`bend_at_foot`): the image source of a plane, the edge where the surface ends.
     Diffuse: Lambert's law, one random phase per surface cell.
     """
     wavelength = 2.0 * np.pi / wave_number
-    foot = np.zeros(1)
+    foot = np.zeros(3)
     place = np.zeros(3)
     for j in range(len(weight)):
         t = hit[j]
@@ -229,18 +226,20 @@ def add_surfaces(
         s2 = LOBE * LOBE * wavelength / (2.0 * height)
         q2 = (1.0 - c * c) / (c * c)
         if q2 < 25.0 * s2:
-            energy = mirror_of[m] * np.exp(-roughness_of[m] * c * c - q2 / s2) * weight[j]
-            energy /= 4.0 * np.pi * s2 * c**5 * r * r
-            share = foot_share(
-                j, mouth, rotation, ray, hit, distance, normal, offset, nearest, edge_sine, 0.25 * wavelength, foot
+            share = bend_at_foot(
+                j, mouth, rotation, ray, hit, distance, height, normal, offset, nearest, edge_sine, foot
             )
-            if share > 1e-3:
-                loss = np.exp(-4.0 * absorption * height)
-                deposit(height, energy * share * loss * beam_energy(foot[0], two_way), bin_m, mirror, extent)
-            if share < 0.999:
-                loss = np.exp(-4.0 * absorption * r)
-                deposit(r, energy * (1.0 - share) * loss * gain[j], bin_m, mirror, extent)
-        if diffuse_of[m] > 0.0:
+            ahead, size2 = 0.0, 0.0
+            for a in range(3):
+                direction = foot[a] + share * (ray[j, a] - foot[a])
+                ahead += direction * rotation[a, 2]
+                size2 += direction * direction
+            sine = np.sqrt(max(0.0, 1.0 - ahead * ahead / size2)) if ahead > 0.0 else 1.0
+            reach = height + share * (r - height)
+            energy = mirror_of[m] * np.exp(-roughness_of[m] * c * c - q2 / s2 - 4.0 * absorption * reach)
+            energy *= weight[j] * beam_energy(sine, two_way) / (4.0 * np.pi * s2 * c**5 * r * r)
+            deposit(reach, energy, bin_m, mirror, extent)
+        if diffuse_of[m] * gain[j] > _INAUDIBLE:
             density = diffuse_of[m] / np.pi * c * gain[j] / (r * r)
             cell_sr = cell_m * cell_m * c / (r * r)
             amplitude = weight[j] * np.sqrt(density / (cell_sr + weight[j])) * np.exp(-2.0 * absorption * r)
