@@ -299,7 +299,7 @@ def test_one_dead_sensor_is_a_fault_and_the_others_answer():
         Echo(200.0, Status.OK, 0.0, 0.5, 0.001, 8),
         Echo(math.nan, Status.OK, 0.0, 0.5, 0.001, 8),
         Echo(0.5, Status.OK, math.nan, 0.5, 0.001, 8),
-        Echo(0.5, Status.OK, 0.0, 0.5, 0.2, 8),
+        Echo(0.5, Status.OK, 0.0, 0.5, 0.4, 8),
         Echo(0.5, Status.OK, 0.0, -1.0, 0.001, 8),
     ],
 )

@@ -103,7 +103,7 @@ class Catalogue:
 
         Raises
         ------
-        DataError : a value cannot be told on the bus (a range beyond 167 m, a negative time).
+        DataError : a value cannot be told on the bus (a range beyond 41 m, a negative time).
         """
         if isinstance(message, Reading):
             return self._encode_reading(message)
@@ -136,7 +136,7 @@ class Catalogue:
         if not math.isnan(reading.spread_m):
             spread = round(reading.spread_m * self._spread_per_m)
             if not 0 <= spread < self._spread_none:
-                raise DataError(f"spread {reading.spread_m} m", cure="the bus carries 0 to 81.9 mm")
+                raise DataError(f"spread {reading.spread_m} m", cure="the bus carries 0 to 327 mm")
         if not 0 <= reading.pings <= self._count_max:
             raise DataError(f"{reading.pings} pings", cure=f"the bus carries 0 to {self._count_max}")
         raw = (reading.sequence, reading.session, reading.status, reading.pings, range_raw, spread, reading.attempt)
