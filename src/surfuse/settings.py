@@ -54,7 +54,7 @@ class ArmSettings(Section):
     """The arm and how it may move."""
 
     name: str = "puma560"
-    base_height_m: float = Field(0.40, ge=0.0, le=3.0, description="height of the stand under the arm's base")
+    base_height_m: float = Field(0.50, ge=0.0, le=3.0, description="height of the stand under the arm's base")
     grip_offset_m: float = Field(0.08, gt=0.0, le=0.5, description="wrist centre to the faces of the transducers")
     speed_share: float = Field(1.0, gt=0.0, le=1.0, description="share of the joint speeds and accelerations")
     settle_s: float = Field(0.15, ge=0.0, le=10.0, description="rest after each move, before the array fires")
@@ -69,9 +69,16 @@ class CameraSettings(Section):
     height_px: int = Field(582, ge=64, le=10000)
     fx_px: float = Field(520.0, gt=0.0)
     fy_px: float = Field(760.0, gt=0.0)
-    height_m: float = Field(1.15, gt=0.0, le=5.0, description="height of the optical axis above the floor")
+    height_m: float = Field(1.30, gt=0.0, le=5.0, description="height of the optical axis above the floor")
     forward_m: float = Field(0.10, ge=-1.0, le=1.0, description="distance of the optical centre from the first axis")
     noise_levels: float = Field(2.0, ge=0.0, le=64.0, description="sensor noise, standard deviation in grey levels")
+
+
+class RangerSettings(Section):
+    """The ultrasonic ranger on the shoulder, its axis parallel to the camera's."""
+
+    height_m: float = Field(1.20, gt=0.0, le=5.0, description="height of its axis above the floor")
+    forward_m: float = Field(0.10, ge=-1.0, le=1.0, description="distance of its face from the first axis")
 
 
 class SearchSettings(Section):
@@ -132,6 +139,7 @@ class Settings(Section):
     cell: CellSettings = CellSettings()
     arm: ArmSettings = ArmSettings()
     camera: CameraSettings = CameraSettings()
+    ranger: RangerSettings = RangerSettings()
     search: SearchSettings = SearchSettings()
     array: ArraySettings = ArraySettings()
     kit: KitSettings = KitSettings()

@@ -1,0 +1,81 @@
+"""A cell: its devices, and what is known of where they sit. The stages see only this, real or simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from surfuse.geometry.poses import pose
+from surfuse.interfaces import Arm, Camera, Clock, RangeArray, RangeSensor
+from surfuse.motion.clearance import ClearanceModel
+from surfuse.motion.obstacles import Obstacle
+from surfuse.records import CameraFrame, FloatArray, IntArray, SensorSpec
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The true surface of the twin's part, for scoring only: vertices (V, 3) in the world, triangles (F, 3)."""
+
+    vertices_m: FloatArray
+    triangles: IntArray
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Devices and their known places.
+
+    `ready_rad` is the posture in which joint 1 turns during the search. `shoulder_from_camera` and
+    `shoulder_from_ranger` (4, 4) are poses in the frame that turns with joint 1 (origin on the floor, x outwards,
+    z up). `clearance` makes the collision check for a list of obstacles. `begin` tells a twin which stop comes next;
+    a real cell ignores it. `truth` is None in a real cell.
+    """
+
+    clock: Clock
+    arm: Arm
+    camera: Camera
+    ranger: RangeSensor
+    array: RangeArray
+    ready_rad: FloatArray
+    shoulder_from_camera: FloatArray
+    shoulder_from_ranger: FloatArray
+    clearance: Callable[[tuple[Obstacle, ...]], ClearanceModel]
+    link_poses: Callable[[FloatArray], FloatArray]
+    begin: Callable[[str, int], None]
+    truth: Truth | None = None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def specs(self) -> tuple[SensorSpec, ...]:
+        """The sensors of the array."""
+        return self.array.fixture.specs
+
+    @contextmanager
+    def opened(self) -> Iterator[None]:
+        """All devices open, and closed on every way out."""
+        with ExitStack() as stack:
+            for device in (self.arm, self.camera, self.ranger, self.array):
+                stack.enter_context(device)
+            yield
+
+    def look(self, joint1_rad: float) -> CameraFrame:
+        """Turn joint 1 in the ready posture and take a picture."""
+        target = self.ready_rad.copy()
+        target[0] = joint1_rad
+        state = self.arm.move_to(target)
+        image, t_s = self.camera.capture()
+        world_from_camera = world_from_shoulder(float(state.position_rad[0])) @ self.shoulder_from_camera
+        return CameraFrame(image, t_s, self.camera.model, world_from_camera)
+
+
+def world_from_shoulder(joint1_rad: float) -> FloatArray:
+    """The frame that turns with joint 1: origin on the floor under it, x outwards, z up."""
+    cosine, sine = np.cos(joint1_rad), np.sin(joint1_rad)
+    return pose([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]], [0.0, 0.0, 0.0])
+
+
+def looking_outwards(forward_m: float, height_m: float) -> FloatArray:
+    """Pose of a camera or ranger on the shoulder: z outwards, x to its right, y down."""
+    return pose([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], [forward_m, 0.0, height_m])

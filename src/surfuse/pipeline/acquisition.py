@@ -1,0 +1,97 @@
+"""The whole acquisition on one screen: search, outline, plan, scan, fuse, map, report."""
+
+from __future__ import annotations
+
+import time
+from datetime import datetime
+from pathlib import Path
+
+from surfuse.cell import Cell
+from surfuse.errors import DataError
+from surfuse.interfaces import FusionMethod
+from surfuse.pipeline.finishing import Finished, finish, outcome_of
+from surfuse.pipeline.methods import create_method
+from surfuse.pipeline.outcome import Outcome, Watcher
+from surfuse.pipeline.steps import go_to_start, locate, plan_for, scene_of, walk
+from surfuse.records import FusionScene, ScanPlan, Sweep
+from surfuse.runs.configuration import read_configuration, write_configuration
+from surfuse.runs.folder import RunFolder
+from surfuse.runs.log_records import Level, LogEvent
+from surfuse.runs.log_writer import LogWriter
+from surfuse.runs.progress import read_progress
+from surfuse.settings import Settings, from_tree
+from surfuse.twin import build_cell
+
+
+def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
+    """Acquire the surface of the part in the cell into a new run folder.
+
+    Raises
+    ------
+    SurfuseError : with the exit status of its kind; whatever was scanned before is on disk.
+    """
+    began = time.perf_counter()
+    method, cell = create_method(settings.fusion), build_cell(settings)
+    run = RunFolder.create(out or default_folder(settings.scene.name))
+    with run.lock():
+        write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
+        return outcome_of(_acquire(run, settings, cell, method, watcher), run, began)
+
+
+def resume(path: Path, watcher: Watcher) -> Outcome:
+    """Go on with an interrupted acquisition; the map is the one that the uninterrupted run would have given.
+
+    Raises
+    ------
+    DataError : not a run folder of an acquisition.
+    StorageError : another process is writing in it.
+    """
+    began = time.perf_counter()
+    run = RunFolder(path)
+    if not run.configuration.is_file():
+        raise DataError("no run.toml: nothing was begun here", cure="use 'surfuse acquire'", where=str(path))
+    tables, seed = read_configuration(run.configuration)
+    settings = from_tree({**tables, "seed": seed}, str(run.configuration))
+    method, cell = create_method(settings.fusion), build_cell(settings)
+    with run.lock():
+        return outcome_of(_acquire(run, settings, cell, method, watcher), run, began)
+
+
+def _acquire(run: RunFolder, settings: Settings, cell: Cell, method: FusionMethod, watcher: Watcher) -> Finished:
+    for warning in cell.warnings:
+        watcher.warn(warning)
+    with cell.opened(), LogWriter(run.log) as log:
+        scene, plan, done = _begin(run, settings, cell, log, watcher)
+        go_to_start(cell, settings, plan.outline, plan, len(done))
+        state, sweeps, finished = walk(cell, plan, scene, method, done, log, watcher)
+    return finish(run, settings, method, state, scene, plan, sweeps, cell, watcher, complete=finished)
+
+
+def _begin(
+    run: RunFolder, settings: Settings, cell: Cell, log: LogWriter, watcher: Watcher
+) -> tuple[FusionScene, ScanPlan, tuple[Sweep, ...]]:
+    """Scene, plan and what is scanned already: from the log of an interrupted run, else by looking."""
+    progress = read_progress(run.path)
+    if progress is not None:
+        log.append_scene(progress.scene)
+        if progress.done:
+            cell.clock.advance(max(float(sweep.t_s.max()) for sweep in progress.done))
+        log.append_event(LogEvent(cell.clock.now_s(), Level.INFO, "resume", f"{len(progress.left)} stops are left"))
+        return progress.scene, progress.plan, progress.done
+    part = locate(cell, settings, watcher)
+    plan = plan_for(cell, settings, part.outline, watcher)
+    scene = scene_of(cell, settings, part.outline, plan)
+    log.append_scene(scene)
+    log.append_frame(part.frame)
+    log.append_event(LogEvent(cell.clock.now_s(), Level.INFO, "search", f"part found after {part.pictures} pictures"))
+    log.append_plan(plan)
+    return scene, plan, ()
+
+
+def default_folder(scene: str) -> Path:
+    """`runs/<scene>-<date>-<time>`, counted up when it is taken."""
+    stem = f"{Path(scene).stem or 'scan'}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    candidate, count = Path("runs") / stem, 2
+    while candidate.exists():
+        candidate, count = Path("runs") / f"{stem}-{count}", count + 1
+    return candidate

@@ -1,0 +1,119 @@
+"""From the fused readings to what a user gets: map, truth and score of the twin, summary, report."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import dataclass
+
+from surfuse import __version__
+from surfuse.cell import Cell, Truth
+from surfuse.exporters import nc
+from surfuse.interfaces import FusionMethod
+from surfuse.pipeline.outcome import Outcome, Watcher
+from surfuse.pipeline.reporting import write_report
+from surfuse.pipeline.scoring import edge_m, score_data, score_rows
+from surfuse.records import FusionResult, FusionScene, Gap, MapGrid, Outline, ScanPlan, SurfaceMap, Sweep
+from surfuse.runs.folder import RunFolder
+from surfuse.settings import Settings
+from surfuse.surface.compare import score
+from surfuse.surface.gridding import grid_points, lattice
+from surfuse.surface.truth import truth_around
+
+
+@dataclass(frozen=True)
+class Finished:
+    """What is known at the end: plain data, table lines, and whether the scan is complete."""
+
+    data: dict[str, object]
+    rows: list[tuple[str, str]]
+    complete: bool
+
+
+def surface_of(result: FusionResult, grid: MapGrid, method: str, outline: Outline | None) -> SurfaceMap:
+    """The map that the method made itself, or its points on the grid."""
+    return result.surface if result.surface is not None else grid_points(result.points, grid, method, outline)
+
+
+def finish(
+    run: RunFolder,
+    settings: Settings,
+    method: FusionMethod,
+    state: object,
+    scene: FusionScene,
+    plan: ScanPlan,
+    sweeps: list[Sweep],
+    cell: Cell,
+    watcher: Watcher,
+    *,
+    complete: bool,
+) -> Finished:
+    """Map, score, summary and report of a finished scan; of an unfinished one only what is needed to say so."""
+    robot_s = cell.clock.now_s()
+    data: dict[str, object] = {
+        "surfuse": __version__,
+        "scene": settings.scene.name,
+        "method": method.name,
+        "seed": settings.seed,
+        "complete": complete,
+        "stops": len(sweeps),
+        "stops_planned": len(plan),
+        "stops_skipped": len(plan.skipped),
+        "robot_time_s": robot_s,
+    }
+    if not complete:
+        return Finished(data, [("stops done", f"{len(sweeps)} of {len(plan)}")], complete=False)
+    watcher.stage("map")
+    grid = lattice(plan.uv_m, scene.world_from_part, plan.step_m)
+    result = method.finish(state, grid)
+    surface = surface_of(result, grid, method.name, plan.outline)
+    nc.write(run.surface, surface, overwrite=True, points=result.points)
+    gaps = int((result.points.gap != int(Gap.NONE)).sum())
+    rows = []
+    if cell.truth is not None:
+        rows = _score(run, surface, cell.truth, data)
+    data["gaps"] = gaps
+    rows += [
+        ("stops", f"{len(sweeps)} scanned, {len(plan.skipped)} left out"),
+        ("gaps", f"{gaps} stops without a value"),
+        ("robot time", f"{robot_s:.0f} s"),
+    ]
+    run.write_text(run.summary, json.dumps(_finite(data), indent=2) + "\n")
+    watcher.stage("report")
+    write_report(run, run.report, overwrite=True)
+    return Finished(data, rows, complete=True)
+
+
+def _score(run: RunFolder, surface: SurfaceMap, truth: Truth, data: dict[str, object]) -> list[tuple[str, str]]:
+    """Compare with the twin's truth, which is stored beside the map for later comparisons."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(truth.vertices_m, truth.triangles, process=False)
+    stored = mesh.export(file_type="ply")
+    run.write_bytes(run.truth, stored if isinstance(stored, bytes) else str(stored).encode())
+    found = score(surface, truth_around(truth.vertices_m, truth.triangles, surface.grid))
+    edge = edge_m(surface, truth.vertices_m, truth.triangles)
+    data.update(score_data(found))
+    rows = score_rows(found)
+    if not math.isnan(edge):
+        data["edge_mm"] = 1e3 * edge
+        rows.append(("edge of the step", f"{1e3 * edge:+.1f} mm"))
+    return rows
+
+
+def outcome_of(finished: Finished, run: RunFolder, began: float) -> Outcome:
+    """Add where it is and how long it took."""
+    wall_s = time.perf_counter() - began
+    summary = {"run": str(run.path), **finished.data, "wall_time_s": wall_s}
+    rows = [*finished.rows, ("wall time", f"{wall_s:.1f} s")]
+    if not finished.complete:
+        return Outcome(summary, [*rows, ("go on with", f"surfuse resume {run.path}")], complete=False)
+    return Outcome({**summary, "report": str(run.report)}, [*rows, ("report", str(run.report))])
+
+
+def _finite(data: dict[str, object]) -> dict[str, object]:
+    """JSON has no nan: what is not finite becomes null."""
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in data.items()
+    }

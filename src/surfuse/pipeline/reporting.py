@@ -1,0 +1,212 @@
+"""The report of a run, made from what is on disk alone."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from surfuse import __version__, durable
+from surfuse.arms import puma560
+from surfuse.errors import DataError
+from surfuse.exporters import nc
+from surfuse.geometry.poses import pose
+from surfuse.pipeline.map_files import NATIVE, map_path, read_map
+from surfuse.pipeline.outcome import Outcome
+from surfuse.pipeline.scoring import edge_m
+from surfuse.pipeline.steps import finder
+from surfuse.records import FloatArray, Readings, Score, SurfaceMap
+from surfuse.report.content import (
+    Event,
+    FoundPart,
+    KeyFigure,
+    NamedMap,
+    ReportContent,
+    Scenery,
+    ScoreRow,
+    plan_view,
+)
+from surfuse.report.page import render_report
+from surfuse.runs.configuration import read_configuration
+from surfuse.runs.folder import RunFolder
+from surfuse.runs.log_files import segment_paths
+from surfuse.runs.log_reader import read_log
+from surfuse.runs.log_records import Level, RunLog
+from surfuse.settings import Settings, from_tree
+from surfuse.surface.compare import score
+from surfuse.surface.splines import spline_surface
+from surfuse.surface.truth import read_mesh, truth_around
+from surfuse.vision.dominant_points import DominantPointParameters, dominant_points
+
+_LEVELS: dict[int, Literal["info", "warning", "error"]] = {
+    Level.INFO: "info",
+    Level.WARN: "warning",
+    Level.ERROR: "error",
+}
+
+
+def report(path: Path, file: Path | None, overwrite: bool) -> Outcome:
+    """Write the report of a run folder (again)."""
+    run = RunFolder(path)
+    if not run.surface.is_file():
+        raise DataError(f"the folder holds no {NATIVE}", cure="finish the run with 'surfuse resume'", where=str(path))
+    target = file or run.report
+    write_report(run, target, overwrite)
+    return Outcome({"report": str(target)}, [("report", str(target))])
+
+
+def write_report(run: RunFolder, target: Path, overwrite: bool = False) -> None:
+    """Render the page of a run and write it at once or not at all."""
+    durable.write_text(target, render_report(content_of(run)), overwrite=overwrite)
+
+
+def view(path: Path, port: int) -> None:
+    """Serve the 3-D view of a run on this machine until Ctrl-C."""
+    from surfuse.report.viewer import serve
+
+    folder = RunFolder(path)
+    content = content_of(folder) if path.is_dir() else _map_alone(map_path(path))
+    serve(content, port, lambda address: print(f"{address}  (Ctrl-C ends)", flush=True))
+
+
+def _map_alone(path: Path) -> ReportContent:
+    return ReportContent(title=path.name, maps=(NamedMap("surface", read_map(path)),))
+
+
+def content_of(run: RunFolder) -> ReportContent:
+    """Everything of a run folder that the page can show."""
+    surface, points = nc.read(run.surface), nc.read_points(run.surface)
+    settings = _settings(run)
+    log = read_log(run.path) if run.log.is_dir() and segment_paths(run.log) else None
+    readings = log.readings() if log is not None and log.sweeps else None
+    data = json.loads(run.summary.read_text("utf-8")) if run.summary.is_file() else {}
+    spline = spline_surface(surface)
+    truth = _truth(run, surface)
+    name = settings.scene.name if settings and log else run.path.name
+    return ReportContent(
+        title=f"Surface of '{Path(name).name}'",
+        scene=Path(name).name,
+        method=surface.method,
+        made=f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
+        version=__version__,
+        figures=_figures(data, surface),
+        parts=_parts(log, settings),
+        plan=plan_view(log.plan, log.scene.outline.vertices_m)
+        if log and log.plan and log.scene and log.scene.outline
+        else None,
+        maps=(NamedMap("fused", surface), NamedMap("spline", spline)),
+        truth=NamedMap("truth", truth) if truth is not None else None,
+        points=points if points is not None and readings is not None and len(points) == readings.n_sweeps else None,
+        readings=readings,
+        arm_m=_skeleton(log, readings, settings),
+        scenery=_scenery(settings) if log else (),
+        scores=_scores(run, surface, spline),
+        events=_events(log),
+        configuration_toml=run.configuration.read_text("utf-8") if run.configuration.is_file() else "",
+    )
+
+
+def _settings(run: RunFolder) -> Settings | None:
+    if not run.configuration.is_file():
+        return None
+    tables, seed = read_configuration(run.configuration)
+    return from_tree({**{key: value for key, value in tables.items() if key != "source"}, "seed": seed})
+
+
+def _figures(data: dict[str, object], surface: SurfaceMap) -> tuple[KeyFigure, ...]:
+    """The headline: what the summary holds, in words."""
+    rows = [
+        ("rmse_mm", "RMSE", "{:.2f} mm", "root mean square error against the true part"),
+        ("p95_mm", "95th percentile", "{:.2f} mm", "95 % of the cells are nearer to the truth than this"),
+        ("edge_mm", "edge of the step", "{:+.1f} mm", "how far the higher side reaches out too far"),
+        ("coverage", "coverage", "{:.1%}", "share of the true part's cells that have a value"),
+        ("stops", "stops", "{:d}", "places where the array fired"),
+        ("gaps", "gaps", "{:d}", "stops without a fused value"),
+        ("robot_time_s", "robot time", "{:.0f} s", "what the arm and the sensors need"),
+    ]
+    found = [
+        KeyFigure(label, form.format(data[key]), hint) for key, label, form, hint in rows if data.get(key) is not None
+    ]
+    sigma = surface.sigma_m[surface.mask]
+    if len(sigma):
+        found.append(KeyFigure("median sigma", f"{1e3 * float(np.median(sigma)):.2f} mm", "stated standard deviation"))
+    return tuple(found)
+
+
+def _parts(log: RunLog | None, settings: Settings | None) -> tuple[FoundPart, ...]:
+    """The search picture with what the vision sees in it."""
+    if log is None or settings is None:
+        return ()
+    parts = []
+    for number, frame in enumerate(log.frames, start=1):
+        for detection in finder(settings)(frame)[:1]:
+            aspect = frame.camera.fy_px / frame.camera.fx_px
+            parameters = DominantPointParameters(tolerance_px=settings.search.tolerance_px)
+            chosen = dominant_points(detection.contour_px, parameters, row_scale=1.0 / aspect)
+            parts.append(
+                FoundPart(
+                    label=f"part {number}",
+                    image=frame.image,
+                    contour_px=detection.contour_px,
+                    dominant_px=detection.contour_px[chosen.indices],
+                    pixel_aspect=aspect,
+                    threshold=detection.level,
+                    histogram=np.bincount(frame.image.ravel(), minlength=256),
+                )
+            )
+    return tuple(parts)
+
+
+def _truth(run: RunFolder, surface: SurfaceMap) -> SurfaceMap | None:
+    return truth_around(*read_mesh(run.truth), surface.grid) if run.truth.is_file() else None
+
+
+def _scores(run: RunFolder, surface: SurfaceMap, spline: SurfaceMap) -> tuple[ScoreRow, ...]:
+    if not run.truth.is_file():
+        return ()
+    vertices, triangles = read_mesh(run.truth)
+
+    def found(candidate: SurfaceMap) -> Score:
+        return score(candidate, truth_around(vertices, triangles, candidate.grid))
+
+    return tuple(ScoreRow(one.method, found(one), edge_m(one, vertices, triangles)) for one in (surface, spline))
+
+
+def _skeleton(log: RunLog | None, readings: Readings | None, settings: Settings | None) -> FloatArray:
+    """Positions of the arm's joints at each sweep, for the replay."""
+    nothing = np.zeros((0, 0, 3))
+    if log is None or readings is None or settings is None or settings.arm.name != "puma560":
+        return nothing
+    joints = [sweep.joints_rad for sweep in log.sweeps]
+    if not joints or any(len(row) != 6 for row in joints):
+        return nothing
+    base = pose(np.eye(3), [0.0, 0.0, settings.arm.base_height_m])
+    tool = pose(np.eye(3), [0.0, 0.0, settings.arm.grip_offset_m - puma560.FLANGE_OFFSET_M])
+    return puma560.Puma560(base, tool).link_poses(np.array(joints))[..., :3, 3]
+
+
+def _scenery(settings: Settings | None) -> tuple[Scenery, ...]:
+    """The ring table as a flat ring."""
+    if settings is None:
+        return ()
+    table, n = settings.cell, 96
+    angle = 2.0 * np.pi * np.arange(n) / n
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    rings = [
+        np.column_stack([radius * circle, np.full(n, table.table_height_m)])
+        for radius in (table.table_inner_radius_m, table.table_outer_radius_m)
+    ]
+    here, there = np.arange(n), (np.arange(n) + 1) % n
+    faces = np.vstack([np.column_stack([here, here + n, there + n]), np.column_stack([here, there + n, there])])
+    return (Scenery("table", np.vstack(rings), faces),)
+
+
+def _events(log: RunLog | None) -> tuple[Event, ...]:
+    if log is None:
+        return ()
+    told = [Event(f"{event.source}: {event.text}", _LEVELS[event.level], event.t_s) for event in log.events]
+    damaged = [Event(f"log: {damage.segment}: {damage.text}", "warning") for damage in log.damage]
+    return (*told, *damaged)

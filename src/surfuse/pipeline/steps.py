@@ -1,0 +1,217 @@
+"""The steps of an acquisition, from the search to the walk through the plan, each one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from surfuse.acquire.scan import scan
+from surfuse.acquire.search import FoundPart, SearchParameters, search
+from surfuse.cell import Cell, world_from_shoulder
+from surfuse.errors import DataError
+from surfuse.interfaces import FusionMethod
+from surfuse.motion.obstacles import Floor, Obstacle, RingTable, part_box
+from surfuse.pipeline.outcome import Watcher
+from surfuse.plan.approach import approach
+from surfuse.plan.reach import ReachParameters
+from surfuse.plan.scan_plan import PlanParameters, scan_plan, skipped_by_kind
+from surfuse.records import CameraFrame, Detection, FusionScene, Outline, ScanPlan, Status, Sweep
+from surfuse.runs.log_writer import LogWriter
+from surfuse.settings import Settings
+from surfuse.vision.distance import ShoulderRange
+from surfuse.vision.dominant_points import DominantPointParameters
+from surfuse.vision.find import FindParameters, find_parts
+from surfuse.vision.outline import PartOutline, outline_part
+from surfuse.vision.table import TableRing
+
+SEARCH, RANGE, STOP = "search", "range", "stop"
+
+
+@dataclass(frozen=True)
+class LocatedPart:
+    """The part that will be scanned: the picture in which it is centred, what was seen, its outline in metres."""
+
+    frame: CameraFrame
+    detection: Detection
+    outlined: PartOutline
+    pictures: int
+
+    @property
+    def outline(self) -> Outline:
+        """The outline in the part frame, as seen."""
+        return self.outlined.outline
+
+
+def finder(settings: Settings) -> Callable[[CameraFrame], tuple[Detection, ...]]:
+    """The function that finds parts standing on the table in a picture."""
+    ring = TableRing(
+        settings.cell.table_height_m, settings.cell.table_inner_radius_m, settings.cell.table_outer_radius_m
+    )
+    smallest_px = settings.search.smallest_part_m / settings.cell.table_outer_radius_m
+    area_px = 0.25 * smallest_px**2 * settings.camera.fx_px * settings.camera.fy_px
+    parameters = FindParameters(method=settings.search.threshold, area_min_px=max(area_px, 16.0))
+    return lambda frame: find_parts(frame, parameters, ring)
+
+
+def locate(cell: Cell, settings: Settings, watcher: Watcher) -> LocatedPart:
+    """Search, centre, threshold, dominant points, scale (paper, section 3.1).
+
+    Raises
+    ------
+    DataError : no part was seen in a whole turn.
+    """
+    lower, upper = float(cell.arm.kinematics.lower_rad[0]), float(cell.arm.kinematics.upper_rad[0])
+    increment = np.radians(settings.search.increment_deg)
+    watcher.stage("search", int((upper - lower) / increment) + 1)
+    pictures = 0
+
+    def capture(joint1_rad: float) -> CameraFrame:
+        nonlocal pictures
+        cell.begin(SEARCH, pictures)
+        pictures += 1
+        watcher.advance()
+        return cell.look(joint1_rad)
+
+    found = search(capture, finder(settings), lower, upper, SearchParameters(increment_rad=increment))
+    if not found.parts:
+        raise DataError(
+            f"no part seen in {len(found.visited_rad)} pictures from {np.degrees(lower):.0f} to "
+            f"{np.degrees(upper):.0f} degrees",
+            cure="put a part on the table where the camera can see it, or change search.threshold",
+        )
+    return _outlined(cell, settings, found.parts[0], pictures)
+
+
+def _outlined(cell: Cell, settings: Settings, part: FoundPart, pictures: int) -> LocatedPart:
+    """Range of the centred part, dominant points, pixels to metres."""
+    cell.begin(RANGE, 0)
+    echo = cell.ranger.fire()
+    place = world_from_shoulder(part.angle_rad) @ cell.shoulder_from_ranger
+    ranged = ShoulderRange(place[:3, 3], place[:3, 2], echo.range_m, cell.ranger.spec.sigma_m)
+    outlined = outline_part(
+        part.frame,
+        part.detection,
+        settings.cell.table_height_m,
+        ranged if echo.status == Status.OK else None,
+        DominantPointParameters(tolerance_px=settings.search.tolerance_px),
+    )
+    return LocatedPart(part.frame, part.detection, outlined, pictures)
+
+
+def plan_for(cell: Cell, settings: Settings, outline: Outline, watcher: Watcher) -> ScanPlan:
+    """Margin, raster, reach and clearance of every stop, before the arm moves.
+
+    Raises
+    ------
+    DataError : not one stop can be visited; the reasons are counted.
+    """
+    watcher.stage("plan")
+    parameters = PlanParameters(settings.step_m, settings.scan.standoff_m, settings.scan.margin_m)
+    check = cell.clearance(_obstacles(settings, outline))
+    start = cell.arm.joint_state().position_rad
+    limits = ReachParameters(clearance_min_m=settings.arm.clearance_m)
+    plan = scan_plan(outline, cell.arm.kinematics, start, check, parameters, limits)
+    if len(plan) == 0:
+        reasons = "; ".join(f"{count} {kind}" for kind, count in skipped_by_kind(plan)) or "the outline is empty"
+        raise DataError(
+            f"not one of {len(plan.skipped)} stops can be visited ({reasons})",
+            cure="move the part (scene.radius_m, scene.azimuth_deg) or change scan.standoff_m",
+        )
+    for kind, count in skipped_by_kind(plan):
+        watcher.warn(f"{count} of {count + len(plan)} stops are left out: {kind}")
+    return plan
+
+
+def _obstacles(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]:
+    table = settings.cell
+    ring = RingTable(table.table_height_m, table.table_inner_radius_m, table.table_outer_radius_m)
+    return Floor(), ring, part_box(outline)
+
+
+def go_to_start(cell: Cell, settings: Settings, outline: Outline, plan: ScanPlan, stop: int) -> None:
+    """Bring the arm clear of everything to the stop at which the scan begins.
+
+    Raises
+    ------
+    SafetyStopError : no clear way was found; the arm has not moved.
+    """
+    if stop >= len(plan):
+        return
+    check = cell.clearance(_obstacles(settings, outline))
+    here, least_m = cell.arm.joint_state().position_rad, settings.arm.clearance_m
+    for joints in approach(here, plan.joints_rad[stop], cell.arm.kinematics, check, least_m)[:-1]:
+        cell.arm.move_to(joints)
+
+
+def scene_of(cell: Cell, settings: Settings, outline: Outline, plan: ScanPlan) -> FusionScene:
+    """What fusion knows: sensors, part frame, the outline as seen, and the table's outer edge as the deepest range."""
+    return FusionScene(
+        specs=cell.specs,
+        world_from_part=outline.world_from_part,
+        outline=replace(outline, margin_m=0.0),
+        depth_max_m=_to_outer_edge(plan, settings.cell.table_outer_radius_m),
+    )
+
+
+def _to_outer_edge(plan: ScanPlan, radius_m: float) -> float:
+    """Largest distance along a grip axis to the cylinder of the table's outer edge."""
+    start, axis = plan.world_from_grip[:, :2, 3], plan.world_from_grip[:, :2, 2]
+    along = np.einsum("ij,ij->i", start, axis)
+    across = np.einsum("ij,ij->i", start, start) - along**2
+    return float(np.max(np.sqrt(np.maximum(radius_m**2 - across, 0.0)) - along))
+
+
+def walk(
+    cell: Cell,
+    plan: ScanPlan,
+    scene: FusionScene,
+    method: FusionMethod,
+    done: tuple[Sweep, ...],
+    log: LogWriter,
+    watcher: Watcher,
+) -> tuple[object, list[Sweep], bool]:
+    """Scan the stops that are not done, fusing live; returns the fusion state, all sweeps, whether it finished.
+
+    Every sweep is on disk before the arm moves on. Sweeps reach the fusion in the order of the stops, so that a
+    resumed scan gives the same map to the last bit: holes in what was done are filled before the fusion starts.
+    """
+    sweeps = {sweep.stop: sweep for sweep in done}
+    watcher.stage("scan", len(plan))
+    watcher.advance(len(sweeps))
+
+    def keep(sweep: Sweep) -> None:
+        log.append_sweep(sweep)
+        sweeps[sweep.stop] = sweep
+        watcher.advance()
+
+    def visit(first: int, last: int) -> None:
+        part = replace_stops(plan, last)
+        scan(part, cell.arm, cell.array, keep, lambda stop: cell.begin(STOP, stop), first, watcher.stop_requested)
+
+    reached = max(sweeps, default=-1) + 1
+    for hole in range(reached):
+        if hole not in sweeps and not watcher.stop_requested():
+            visit(hole, hole + 1)
+    state = method.start(scene)
+    for stop in sorted(sweeps):
+        method.step(state, sweeps[stop])
+
+    def fuse(sweep: Sweep) -> None:
+        keep(sweep)
+        method.step(state, sweep)
+
+    scan(plan, cell.arm, cell.array, fuse, lambda stop: cell.begin(STOP, stop), reached, watcher.stop_requested)
+    return state, [sweeps[stop] for stop in sorted(sweeps)], len(sweeps) == len(plan)
+
+
+def replace_stops(plan: ScanPlan, count: int) -> ScanPlan:
+    """The first stops of a plan."""
+    return replace(
+        plan,
+        world_from_grip=plan.world_from_grip[:count],
+        uv_m=plan.uv_m[:count],
+        row=plan.row[:count],
+        joints_rad=plan.joints_rad[:count],
+    )

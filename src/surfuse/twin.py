@@ -1,0 +1,175 @@
+"""Builds the simulated cell: the one place besides the pipeline that sees the world."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from surfuse.arms import puma560, simulated
+from surfuse.arms.puma.volume import CAPSULES, TOOL_LINK, column
+from surfuse.cameras import simulated as simulated_camera
+from surfuse.cell import Cell, Truth, looking_outwards, world_from_shoulder
+from surfuse.errors import ConfigError
+from surfuse.geometry.poses import pose
+from surfuse.motion.body import body_of, fixture_capsules
+from surfuse.motion.clearance import ClearanceModel
+from surfuse.motion.obstacles import Obstacle
+from surfuse.records import CameraModel, Fixture, FloatArray, SensorSpec
+from surfuse.sensors import polaroid, sequential
+from surfuse.sensors import simulated as simulated_sensor
+from surfuse.settings import Settings
+from surfuse.world.acoustics.air import AirParameters, speed_of_sound
+from surfuse.world.acoustics.kit import KitParameters
+from surfuse.world.materials import with_roughness
+from surfuse.world.optics import OpticsParameters
+from surfuse.world.parts import PartPose, make_part
+from surfuse.world.scene import CellParameters, Scene
+from surfuse.world.scene import build_cell as build_table
+from surfuse.world.twin import Twin, TwinParameters
+
+ARM_REACH_M = 0.86
+
+
+class SimulatedClock:
+    """Time that passes only when a simulated device says so."""
+
+    def __init__(self) -> None:
+        self._now_s = 0.0
+
+    def now_s(self) -> float:
+        """Seconds since the start of the run."""
+        return self._now_s
+
+    def advance(self, duration_s: float) -> None:
+        """Let time pass."""
+        self._now_s += duration_s
+
+
+def build_cell(settings: Settings) -> Cell:
+    """The cell of the configuration, simulated.
+
+    Raises
+    ------
+    ConfigError, UsageError, DataError : the scene, the arm or a sensor cannot be built as configured.
+    """
+    if settings.arm.name != "puma560":
+        raise ConfigError(f"arm.name = '{settings.arm.name}'", cure="the simulated cell has the arm 'puma560'")
+    table = CellParameters(
+        settings.cell.table_height_m, settings.cell.table_inner_radius_m, settings.cell.table_outer_radius_m
+    )
+    part = make_part(settings.scene.name, _part_pose(settings), table)
+    world = Twin(Scene([*build_table(table), part.body]), _physics(settings), settings.seed)
+    clock = SimulatedClock()
+    kinematics = puma560.Puma560(
+        pose(np.eye(3), [0.0, 0.0, settings.arm.base_height_m]),
+        pose(np.eye(3), [0.0, 0.0, settings.arm.grip_offset_m - puma560.FLANGE_OFFSET_M]),
+    )
+    motion = simulated.Parameters(settings.arm.settle_s, settings.arm.speed_share, puma560.ENCODER_RAD_PER_COUNT)
+    arm = simulated.create(kinematics, world, clock, puma560.LIMITS, puma560.READY_RAD, motion)
+    fixture = square_fixture(settings)
+    camera_place = looking_outwards(settings.camera.forward_m, settings.camera.height_m)
+    ranger_place = looking_outwards(settings.ranger.forward_m, settings.ranger.height_m)
+
+    def on_shoulder(place: FloatArray) -> FloatArray:
+        placed: FloatArray = world_from_shoulder(float(arm.true_joints_rad[0])) @ place
+        return placed
+
+    def on_grip(index: int) -> FloatArray:
+        return arm.true_tool_pose() @ fixture.grip_from_sensor[index]
+
+    sensors = tuple(
+        simulated_sensor.create(spec, world, partial(on_grip, index), clock, settings.array.pings)
+        for index, spec in enumerate(fixture.specs)
+    )
+    truth = Truth(*part.mesh())
+    return Cell(
+        clock=clock,
+        arm=arm,
+        camera=simulated_camera.create(world, camera_model(settings), partial(on_shoulder, camera_place), clock),
+        ranger=simulated_sensor.create(
+            shoulder_spec(settings), world, partial(on_shoulder, ranger_place), clock, settings.array.pings
+        ),
+        array=sequential.create(fixture, sensors),
+        ready_rad=puma560.READY_RAD,
+        shoulder_from_camera=camera_place,
+        shoulder_from_ranger=ranger_place,
+        clearance=partial(_clearance, kinematics, fixture, settings),
+        link_poses=kinematics.link_poses,
+        begin=world.begin,
+        truth=truth,
+        warnings=part.warnings,
+    )
+
+
+def square_fixture(settings: Settings) -> Fixture:
+    """Four sensors on a square around the grip axis (paper, figure 1), beams parallel to it."""
+    half = settings.array.side_m / 2.0
+    corners = [(half, -half), (-half, -half), (half, half), (-half, half)]
+    specs = tuple(array_spec(settings, f"us{index}") for index in range(4))
+    return Fixture(np.array([pose(np.eye(3), [x, y, 0.0]) for x, y in corners]), specs)
+
+
+def array_spec(settings: Settings, name: str) -> SensorSpec:
+    """A sensor of the array: the transducer in its tube, or bare when the tube has no length."""
+    kit = settings.kit
+    usual = polaroid.SPEC if kit.tube_length_m > 0.0 else polaroid.BARE_SPEC
+    return replace(_heard_from(usual, settings), name=name, dead_length_m=kit.tube_length_m)
+
+
+def shoulder_spec(settings: Settings) -> SensorSpec:
+    """The bare ranger on the shoulder."""
+    return replace(_heard_from(polaroid.BARE_SPEC, settings), name="us_shoulder")
+
+
+def _heard_from(spec: SensorSpec, settings: Settings) -> SensorSpec:
+    """A spec with the kit's frequency and the nearest range that its blanking leaves."""
+    nearest_m = 0.5 * speed_of_sound(settings.air.assumed_temperature_c) * settings.kit.blanking_s
+    return replace(spec, frequency_hz=settings.kit.frequency_hz, range_min_m=nearest_m)
+
+
+def camera_model(settings: Settings) -> CameraModel:
+    """The camera of the configuration, its principal point in the middle of the picture."""
+    camera = settings.camera
+    return CameraModel(
+        camera.width_px,
+        camera.height_px,
+        camera.fx_px,
+        camera.fy_px,
+        (camera.width_px - 1) / 2.0,
+        (camera.height_px - 1) / 2.0,
+    )
+
+
+def _part_pose(settings: Settings) -> PartPose:
+    scene = settings.scene
+    return PartPose(
+        np.radians(scene.azimuth_deg),
+        scene.radius_m,
+        np.radians(scene.yaw_deg),
+        np.radians(scene.tilt_deg),
+        scene.scale,
+        scene.up,
+    )
+
+
+def _physics(settings: Settings) -> TwinParameters:
+    """The kit, the air, the light and the joints as configured."""
+    kit, air = settings.kit, settings.air
+    return TwinParameters(
+        kit=KitParameters(kit.frequency_hz, kit.cycles, kit.blanking_s, kit.gain),
+        air=AirParameters(air.temperature_c, air.humidity_percent, assumed_temperature_c=air.assumed_temperature_c),
+        optics=OpticsParameters(noise_levels=settings.camera.noise_levels),
+        surfaces=with_roughness(settings.scene.roughness),
+        # Six joints, each at about half the reach on average, share the error at the tool.
+        repeatability_rad=1e-3 * settings.arm.repeatability_mm / (0.5 * ARM_REACH_M * np.sqrt(6.0)),
+    )
+
+
+def _clearance(
+    kinematics: puma560.Puma560, fixture: Fixture, settings: Settings, obstacles: tuple[Obstacle, ...]
+) -> ClearanceModel:
+    tubes = fixture_capsules(fixture, TOOL_LINK, settings.kit.tube_length_m)
+    stand = column(settings.arm.base_height_m)
+    return ClearanceModel(kinematics.link_poses, body_of([*CAPSULES, *tubes]), (stand, *obstacles))
