@@ -3,12 +3,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from types import ModuleType
 
 import numpy as np
 import pytest
 
+from surfuse.confidence.sweepwise import BLOCK
 from surfuse.errors import ConfigError, DataError
-from surfuse.fusion import mean, median
+from surfuse.fusion import mean, median, weighted_average
 from surfuse.fusion.median import median_inflation
 from surfuse.fusion.weighted_average import Parameters, create
 from surfuse.geometry.poses import inverse, pose, rotation_about
@@ -367,3 +369,16 @@ def test_baselines_are_mean_and_median(scan: Scan) -> None:
                 assert by_mean.sigma_m[j] == pytest.approx(max(error, 0.0003 / math.sqrt(len(valid))), rel=1e-9)
         else:
             assert by_mean.gap[j] == by_median.gap[j] != Gap.NONE
+
+
+@pytest.mark.parametrize("module", [weighted_average, mean, median])
+def test_blocks_of_stops_leave_no_seam(scan: Scan, module: ModuleType) -> None:
+    scene, readings = scan(steps, nu=60, nv=10, noise_m=0.002, missing=0.3, outliers=0.1)
+    assert readings.n_sweeps > 2 * BLOCK
+    method = module.create(module.Parameters())
+    whole, state = method.replay(scene, readings, GRID).points, method.start(scene)
+    for j in range(readings.n_sweeps):
+        method.step(state, readings.sweep(j))
+    stepped = method.finish(state, GRID).points
+    for field in dataclasses.fields(whole):
+        assert getattr(whole, field.name).tobytes() == getattr(stepped, field.name).tobytes(), field.name
