@@ -17,6 +17,7 @@ from surfuse.vision.dominant_points.splitting import candidates
 
 _SLACK = 1e-10
 _REPAIRS = 3
+_RESELECTIONS = 3
 
 
 @dataclass(frozen=True)
@@ -110,10 +111,16 @@ def _within_tolerance(
     slack: float,
     slack2: float,
 ) -> IntArray:
-    """Select by slope, place, and add points where the placed polygon leaves the tolerance, until it does not."""
+    """Select by slope and place, again while that spares points, then add points where the tolerance is not kept."""
     tolerance = chosen.tolerance_px
     spacing = chosen.spacing_px or 2.0 * tolerance
     vertices = selected(points, sums, n, closed, found, tolerance, chosen.corner_rad, spacing, slack)
+    for _ in range(_RESELECTIONS):
+        placed = refined(points, sums, n, closed, vertices, found, slack2, 0)
+        fewer = selected(points, sums, n, closed, placed, tolerance, chosen.corner_rad, spacing, slack)
+        if len(fewer) == len(placed):
+            break
+        vertices = fewer
     for _ in range(_REPAIRS):
         placed = refined(points, sums, n, closed, vertices, found, slack2, chosen.rounds)
         vertices = repaired(points, n, closed, placed, tolerance, slack)

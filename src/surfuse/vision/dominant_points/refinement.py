@@ -15,8 +15,9 @@ from surfuse.vision.dominant_points.chords import chord_error
 from surfuse.vision.dominant_points.order import first_least
 from surfuse.vision.dominant_points.splitting import neighbours
 
-# Up to so many points the pool is the whole contour; of a longer one it is candidates and vertices.
-_POOL_MAX = 120
+# Up to so many points the pool is the whole contour; of a longer one it is the best candidates and the vertices.
+_WHOLE_MAX = 120
+_POOL_MAX = 80
 
 
 @compiled
@@ -58,7 +59,7 @@ def refined(
     best = vertices.copy()
     k = len(best)
     error = _settled(points, sums, n, closed, best, slack)
-    kept = _reduced(points, sums, n, closed, found, k, slack)
+    kept = _reduced(points, sums, n, closed, found, k, slack) if rounds > 0 else vertices
     held, failed = 0, 0
     for _ in range(rounds):
         pool = _pool(n, closed, best, kept, best[held] % n)
@@ -116,7 +117,7 @@ def _reduced(
     points: FloatArray, sums: FloatArray, n: int, closed: bool, found: IntArray, k: int, slack: float
 ) -> IntArray:
     """Points that the pool offers beside the vertices: all of a short contour, else the candidates that count most."""
-    if n <= _POOL_MAX:
+    if n <= _WHOLE_MAX:
         return np.arange(n)
     room = found.copy()
     count = min(len(room), max(_POOL_MAX - k, 3))

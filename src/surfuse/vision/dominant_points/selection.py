@@ -44,7 +44,7 @@ def selected(
         vertices[best : k - 1] = vertices[best + 1 : k].copy()
         change[best : k - 1] = change[best + 1 : k].copy()
         k -= 1
-        for step in range(-2, 2):
+        for step in range(-1, 1):
             a = (best + step) % k
             change[a] = _removal_order(points, sums, n, closed, vertices, k, a, tolerance, corner_rad, spacing, slack)
     return vertices[:k].copy()

@@ -17,13 +17,13 @@ from surfuse.vision.dominant_points.chords import chord_error, farthest
 from surfuse.vision.dominant_points.order import first_least
 
 _CHORD_SHARE = 0.05
-_TOLERANCE_SHARE_MIN = 0.4
-_TOLERANCE_SHARE_MAX = 0.6
+_TOLERANCE_SHARE_MIN = 0.5
+_TOLERANCE_SHARE_MAX = 0.7
 
 
 @compiled
 def split_limit(points: FloatArray, n: int, i: int, j: int, tolerance: float) -> float:
-    """The deviation that splits a chord: a twentieth of its length, within a quarter and a half of the tolerance."""
+    """The deviation that splits a chord: a twentieth of its length, within 50 and 70 % of the tolerance."""
     a = i % n
     dx, dy = points[a + j - i, 0] - points[a, 0], points[a + j - i, 1] - points[a, 1]
     limit = _CHORD_SHARE * math.sqrt(dx * dx + dy * dy)
