@@ -70,7 +70,7 @@ def frame_axes(frame: Frame, x_title: str, y_title: str, y_ticks: bool = True) -
     parts.append(_label(frame.left + frame.width / 2, bottom + 36, x_title, "middle", "axis-title"))
     middle = frame.top + frame.height / 2
     turn: dict[str, Value] = {
-        "transform": f"translate(14 {middle:.1f}) rotate(-90)",
+        "transform": f"translate(18 {middle:.1f}) rotate(-90)",
         "text-anchor": "middle",
         "class": "axis-title",
     }
@@ -85,7 +85,7 @@ def frame_axes(frame: Frame, x_title: str, y_title: str, y_ticks: bool = True) -
     return [*parts, element("rect", box)]
 
 
-def drawing(width: float, height: float, title: str, children: list[Markup], kind: str = "chart") -> Markup:
+def drawing(width: float, height: float, title: str, children: list[Markup], kind: str = "chart static") -> Markup:
     """An SVG picture that scales with its column; the title is its alternative text."""
     attributes = {"viewBox": f"0 0 {width:g} {height:g}", "role": "img", "aria-label": title, "class": kind}
     return element("svg", attributes, *children)

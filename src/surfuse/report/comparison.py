@@ -75,6 +75,7 @@ def render_comparison(content: ComparisonContent, limits: PageLimits | None = No
         body.append(section("configuration", "Configuration", block, long=True))
         entries.append(("configuration", "Configuration"))
     body.append(section("about", "About this page", about(content.version, run_folder=False)))
+    entries.append(("about", "About"))
     facts = [content.made, f"surfuse {content.version}" if content.version else ""]
     header = element("div", None, heading(content.title, facts, content.introduction), contents(entries))
     data = {"groups": groups, "words": legends()}

@@ -33,7 +33,7 @@ def _frame(plan: PlanView) -> Frame:
     low, high = _extent(plan)
     span = high - low
     scale = min(620.0 / span[0], 480.0 / span[1])
-    return Frame(low[0], high[0], low[1], high[1], 56.0, 12.0, float(scale * span[0]), float(scale * span[1]))
+    return Frame(low[0], high[0], low[1], high[1], 66.0, 12.0, float(scale * span[0]), float(scale * span[1]))
 
 
 def _curve(frame: Frame, points_m: FloatArray, kind: str, closed: bool) -> list[Markup]:

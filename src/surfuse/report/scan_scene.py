@@ -14,7 +14,9 @@ from surfuse.report.content import ReportContent
 from surfuse.report.meshes import both_windings, map_mesh, quaternion_to, rod
 from surfuse.report.scene_limits import SceneLimits
 
-USED, KEPT_OUT, FUSED = (0, 158, 115), (213, 94, 0), (230, 159, 0)
+FUSED = (230, 159, 0)
+# Colours per vertex are taken as linear light by the player: these show as the green and the red of the legend.
+USED, KEPT_OUT = (0, 90, 45), (171, 28, 0)
 STEEL, TRUTH, LINE = (120, 130, 142), (110, 150, 200), (11, 110, 110)
 ARM_RADIUS_M = 0.035
 # A beam without an echo is drawn this long.
@@ -44,10 +46,11 @@ def _centre_and_size(content: ReportContent) -> tuple[FloatArray, float, FloatAr
 def _aim_camera(server: viser.ViserServer, content: ReportContent) -> None:
     """Look at the part from the sensors' side, far enough to see the arm when there is one."""
     centre, size, pose = _centre_and_size(content)
-    far = 2.1 * size if not len(content.arm_m) else max(2.1 * size, 1.0)
+    far = 2.0 * size if not len(content.arm_m) else max(2.0 * size, 0.85)
     direction = pose[:3, :3] @ np.array([0.85, 0.55, 0.75])
     server.initial_camera.position = centre + far * direction
-    server.initial_camera.look_at = centre
+    # With an arm in view, between the part and the array.
+    server.initial_camera.look_at = centre + (0.1 * pose[:3, 2] if len(content.arm_m) else 0.0)
     server.initial_camera.fov = float(np.radians(45.0))
 
 
@@ -141,10 +144,10 @@ class ScanScene:
         arm = self.content.arm_m
         if not len(arm):
             return
-        lengths = np.median(np.linalg.norm(np.diff(arm, axis=1), axis=2), axis=0)
-        for k, length in enumerate(lengths):
+        self._lengths = np.median(np.linalg.norm(np.diff(arm, axis=1), axis=2), axis=0)
+        for k, length in enumerate(self._lengths):
             if length > 0.005:
-                thick = ARM_RADIUS_M * (1.0 - 0.5 * k / max(len(lengths) - 1, 1))
+                thick = ARM_RADIUS_M * (1.0 - 0.5 * k / max(len(self._lengths) - 1, 1))
                 vertices, faces = rod(float(length), thick)
                 self._links.append(
                     (k, self.scene.add_mesh_simple(f"/arm/link {k + 1}", vertices, faces, color=STEEL, side="double"))
@@ -160,12 +163,9 @@ class ScanScene:
         for k in range(CLOUDS):
             stops = np.arange(bounds[k], bounds[k + 1])
             self._cloud_stops.append(stops[np.all(np.isfinite(self._world_points[stops]), axis=1)])
-            self._clouds.append(
-                self.scene.add_point_cloud(
-                    f"/points/{k + 1}", np.zeros((1, 3)), FUSED, point_size=0.004, point_shape="circle",
-                    precision="float32", visible=False,
-                )
-            )  # fmt: skip
+            cloud = self.scene.add_point_cloud(f"/points/{k + 1}", np.zeros((1, 3)), FUSED, precision="float32")
+            cloud.point_size, cloud.point_shape, cloud.visible = 0.003, "circle", False
+            self._clouds.append(cloud)
         self._filled = [0] * CLOUDS
 
     def show_surfaces(self, visible: bool) -> None:
@@ -185,8 +185,12 @@ class ScanScene:
         self._show_beams(readings, sweep)
         for k, handle in self._links:
             foot, head = self.content.arm_m[sweep, k : k + 2]
+            length = max(float(np.linalg.norm(head - foot)), 1e-9)
             handle.position = foot
-            handle.wxyz = quaternion_to((head - foot) / max(float(np.linalg.norm(head - foot)), 1e-9))
+            handle.wxyz = quaternion_to((head - foot) / length)
+            # A link that slides or that only stands for several joints changes its length.
+            if abs(length - self._lengths[k]) > 1e-3:
+                handle.scale = (1.0, 1.0, length / self._lengths[k])
         self._show_points(sweep)
 
     def _show_beams(self, readings: Readings, sweep: int) -> None:

@@ -66,9 +66,9 @@ def histogram_chart(part: FoundPart) -> Markup | None:
     if not len(part.histogram):
         return None
     counts = np.sqrt(part.histogram.astype(np.float64))
-    frame = Frame(0.0, 255.0, 0.0, max(1.0, float(counts.max()) * 1.05), 36.0, 26.0, 470.0, 130.0)
+    frame = Frame(0.0, 255.0, 0.0, max(1.0, float(counts.max()) * 1.05), 40.0, 26.0, 466.0, 130.0)
     outline = [(0.0, 0.0), *zip(range(256), counts.tolist(), strict=True), (255.0, 0.0)]
-    layers = frame_axes(frame, "grey level", "pixels (square root)", y_ticks=False)
+    layers = frame_axes(frame, "grey level", "√ pixels", y_ticks=False)
     layers.append(element("path", {"d": frame.path(outline, True), "class": "bars"}))
     if part.threshold is not None:
         x = round(frame.x(part.threshold), 2)

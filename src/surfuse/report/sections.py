@@ -8,7 +8,7 @@ from surfuse.records import Gap, Gate
 from surfuse.report.blocks import section
 from surfuse.report.content import FoundPart, PlanView, ReportContent
 from surfuse.report.map_data import GAP_LABELS, GATE_LABELS
-from surfuse.report.markup import Attributes, Child, Markup, Value, element, join
+from surfuse.report.markup import Attributes, Child, Markup, Value, element
 from surfuse.report.plan_drawing import plan_chart, skipped_reasons
 from surfuse.report.scan_counts import count_scan
 from surfuse.report.search_drawing import histogram_chart, search_image
@@ -208,8 +208,8 @@ def counts_section(content: ReportContent) -> Markup:
 
 def thinning_note(strides: list[tuple[str, int]]) -> Markup:
     """Says which data were thinned for the page."""
-    thinned = [f"every {stride}th node of {name}" for name, stride in strides if stride > 1]
+    thinned = [f"one in {stride} nodes of {name} along each axis" for name, stride in strides if stride > 1]
     if not thinned:
         return Markup("")
-    text = "To keep this page small it holds " + ", ".join(thinned) + "; surface.nc has them all."
-    return join([element("p", {"class": "facts-line"}, text)])
+    text = "To keep this page small it holds " + ", ".join(thinned) + "; surface.nc has all of them."
+    return element("p", {"class": "facts-line"}, text)

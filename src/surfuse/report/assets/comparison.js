@@ -32,7 +32,7 @@ class Comparison {
     this.heats = this.group.maps.map((map) => {
       const canvas = node("canvas", { role: "img", "aria-label": `Map: ${map.label}` });
       const value = node("span", { class: "value" });
-      const figure = node("figure", {}, canvas, node("figcaption", {}, node("strong", {}, map.label), value));
+      const figure = node("figure", {}, canvas, node("figcaption", {}, node("strong", {}, soft(map.label)), value));
       part(this.host, "multiples").append(figure);
       const heat = new Heatmap(canvas, this.group.extent, this.group.words, true);
       canvas.addEventListener("pointermove", (event) => { if (event.pointerType !== "touch") this.follow(heat, event); });

@@ -54,7 +54,7 @@ class Heatmap {
     const narrow = width < 480;
     const edge = this.compact
       ? { left: 34, right: 6, top: 4, bottom: 22 }
-      : { left: 54, right: narrow ? 10 : 96, top: 10, bottom: (narrow ? 88 : 44) + (this.labels && narrow ? 24 : 0) };
+      : { left: 54, right: narrow ? 10 : this.labels ? 160 : 96, top: 10, bottom: (narrow ? 88 : 44) + (this.labels && narrow ? 24 : 0) };
     const e = this.extent, across = e.u1 - e.u0, up = e.v1 - e.v0;
     const tallest = this.compact ? 220 : Math.max(260, Math.min(560, window.innerHeight * 0.7));
     const scale = Math.min((width - edge.left - edge.right) / across, tallest / up);

@@ -91,9 +91,21 @@ class Relief {
     this.centre = [0.5 * (e.u0 + e.u1), 0.5 * (e.v0 + e.v1), 0.5 * (low + high)];
     [this.cy, this.sy] = [Math.cos(this.yaw), Math.sin(this.yaw)];
     [this.cp, this.sp] = [Math.cos(this.pitch), Math.sin(this.pitch)];
-    const size = Math.hypot(e.u1 - e.u0, e.v1 - e.v0, Math.min((high - low) * this.stretch, e.u1 - e.u0));
-    this.unit = (0.95 * this.zoom * Math.min(width, height * 1.08)) / size;
-    [this.midX, this.midY] = [width / 2, height / 2 - 12];
+    // Fit the turned box of all values into the canvas, leaving room for labels and the colour bar.
+    [this.unit, this.midX, this.midY] = [1, 0, 0];
+    const box = this.corners().map((corner) => this.project(...corner));
+    const xs = box.map((spot) => spot[0]), ys = box.map((spot) => spot[1]);
+    const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    const room = this.bare ? [30, 20, 20] : [width < 420 ? 62 : 74, 24, 62];
+    this.unit = this.zoom * Math.min((width - 2 * room[0]) / (x1 - x0), (height - room[1] - room[2]) / (y1 - y0));
+    this.midX = width / 2 - (this.unit * (x0 + x1)) / 2;
+    this.midY = room[1] + (height - room[1] - room[2]) / 2 - (this.unit * (y0 + y1)) / 2;
+  }
+
+  corners() {
+    const e = this.group.extent, all = [];
+    for (const u of [e.u0, e.u1]) for (const v of [e.v0, e.v1]) for (const w of [this.low, this.high]) all.push([u, v, w]);
+    return all;
   }
 
   draw() {
@@ -101,61 +113,66 @@ class Relief {
     const width = this.canvas.clientWidth, height = Math.max(300, Math.min(460, width * 0.8));
     const context = sharpContext(this.canvas, width, height);
     this.aim(width, height);
-    const base = this.drawBase(context);
+    this.drawBase(context);
     this.drawCells(context);
     if (this.wire) this.drawWire(context);
     if (this.bare) return;
-    this.drawLabels(context, base);
+    this.drawLabels(context);
     this.drawBar(context, width, height);
   }
 
-  /** The base rectangle at the lowest height, with the lengths of its sides. */
+  /** The base rectangle at the lowest height. */
   drawBase(context) {
     const e = this.group.extent, corners = [[e.u0, e.v0], [e.u1, e.v0], [e.u1, e.v1], [e.u0, e.v1]];
     const base = corners.map(([u, v]) => this.project(u, v, this.low));
     context.strokeStyle = styleOf(this.canvas, "--line");
-    context.fillStyle = styleOf(this.canvas, "--void");
+    context.fillStyle = styleOf(this.canvas, "--card");
     context.lineWidth = 1;
     context.beginPath();
     for (const [x, y] of base) context.lineTo(x, y);
     context.closePath();
     context.fill();
     context.stroke();
-    return base;
   }
 
-  /** Lengths of the sides, written over the surface with a halo. */
-  drawLabels(context, base) {
-    const e = this.group.extent, ink = styleOf(this.canvas, "--ink");
-    const post = this.project(e.u0, e.v0, this.high);
-    context.beginPath();
-    context.moveTo(...base[0]);
-    context.lineTo(...post);
-    context.strokeStyle = ink;
-    context.lineWidth = 1;
-    context.stroke();
-    context.fillStyle = ink;
+  /** Of the four edges of the box along each axis the outermost one, with its length. */
+  drawLabels(context) {
+    const e = this.group.extent, middle = this.project(...this.centre);
+    const ends = { u: [e.u0, e.u1], v: [e.v0, e.v1], w: [this.low, this.high] }, names = ["u", "v", "w"];
     context.font = "12px system-ui, sans-serif";
-    const middle = this.project(...this.centre.slice(0, 2), this.low);
-    const label = (a, b, text) => {
-      const x = 0.5 * (a[0] + b[0]), y = 0.5 * (a[1] + b[1]);
-      const away = Math.hypot(x - middle[0], y - middle[1]) || 1;
-      context.textAlign = "center";
-      context.textBaseline = "middle";
-      this.halo(context, text, x + (26 * (x - middle[0])) / away, y + (18 * (y - middle[1])) / away);
-    };
-    label(base[0], base[1], `u ${(e.u1 - e.u0).toFixed(0)} mm`);
-    label(base[0], base[3], `v ${(e.v1 - e.v0).toFixed(0)} mm`);
-    if (Math.hypot(post[0] - base[0][0], post[1] - base[0][1]) > 14) {
-      context.textAlign = post[0] < base[0][0] ? "right" : "left";
-      this.halo(context, `w ${(this.high - this.low).toFixed(1)} mm`, post[0] + (post[0] < base[0][0] ? -5 : 5), post[1] + 12);
+    for (let axis = 0; axis < 3; axis++) {
+      const [p, q] = names.filter((_, k) => k !== axis);
+      let best = null;
+      for (const a of ends[p]) for (const b of ends[q]) {
+        const edge = ends[names[axis]].map((along) => this.project(...names.map((name) => (name === names[axis] ? along : name === p ? a : b))));
+        const spot = [0.5 * (edge[0][0] + edge[1][0]), 0.5 * (edge[0][1] + edge[1][1])];
+        const far = Math.hypot(spot[0] - middle[0], spot[1] - middle[1]) + 0.02 * (spot[1] - spot[0]);
+        if (!best || far > best.far) best = { far, edge, spot };
+      }
+      this.drawEdge(context, best, middle, `${names[axis]} ${(ends[names[axis]][1] - ends[names[axis]][0]).toFixed(axis === 2 ? 1 : 0)} mm`);
     }
+  }
+
+  drawEdge(context, { edge, spot }, middle, text) {
+    if (Math.hypot(edge[1][0] - edge[0][0], edge[1][1] - edge[0][1]) < 12) return;
+    context.strokeStyle = styleOf(this.canvas, "--ink-soft");
+    context.lineWidth = 1;
+    context.beginPath();
+    context.moveTo(...edge[0]);
+    context.lineTo(...edge[1]);
+    context.stroke();
+    const away = Math.hypot(spot[0] - middle[0], spot[1] - middle[1]) || 1, wide = context.measureText(text).width / 2;
+    const x = spot[0] + ((wide + 8) * (spot[0] - middle[0])) / away, y = spot[1] + (15 * (spot[1] - middle[1])) / away;
+    context.fillStyle = styleOf(this.canvas, "--ink");
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    this.halo(context, text, Math.max(wide + 2, Math.min(this.canvas.clientWidth - wide - 2, x)), y);
   }
 
   halo(context, text, x, y) {
     context.lineWidth = 4;
     context.lineJoin = "round";
-    context.strokeStyle = styleOf(this.canvas, "--card");
+    context.strokeStyle = styleOf(this.canvas, "--void");
     context.strokeText(text, x, y);
     context.fillText(text, x, y);
   }
@@ -200,7 +217,7 @@ class Relief {
     const order = (n, towards) => Array.from({ length: n - 1 }, (_, k) => (towards ? k : n - 2 - k));
     const columns = order(map.nu, -this.sy * this.cp > 0), rows = order(map.nv, this.sp > 0);
     const along = Math.abs(this.sy * this.cp) > Math.abs(this.sp);
-    context.lineWidth = 0.7;
+    context.lineWidth = 1;
     context.lineJoin = "round";
     for (const a of along ? columns : rows)
       for (const b of along ? rows : columns) this.drawCell(context, map, values, spots, along ? a : b, along ? b : a);

@@ -60,6 +60,9 @@ function node(tag, attributes, ...children) {
   return made;
 }
 
+/** A name that may break after an underscore. */
+function soft(text) { return text.replaceAll("_", "_\u200b"); }
+
 function svgNode(tag, attributes, text) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
   for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
