@@ -11,7 +11,8 @@ from surfuse.geometry.poses import pose, rotation_about
 from surfuse.world.acoustics.air import AirParameters
 from surfuse.world.acoustics.beam import BundleParameters
 from surfuse.world.acoustics.kit import BARE, TUBE, KitParameters, TransducerParameters
-from surfuse.world.acoustics.sounder import SILENT, AcousticNoise, Sounder
+from surfuse.world.acoustics.noise import SILENT, AcousticNoise
+from surfuse.world.acoustics.sounder import Sounder
 from surfuse.world.materials import Material
 from surfuse.world.scene import Body, Scene
 
@@ -266,6 +267,17 @@ def test_noise_is_what_it_says() -> None:
     assert (late > 1e-3).mean() == pytest.approx(0.2, abs=0.03)
     assert late.max() == pytest.approx(0.5 * 343.2 / 63e3, abs=1e-5)
     assert burst(drift_m=2e-3, drift_time_s=60.0).mean() - burst().mean() == pytest.approx(2e-3 / np.e, abs=1e-5)
+
+
+def test_kits_on_their_own_clocks_hear_each_other_and_triggered_ones_do_not() -> None:
+    free = Sounder(plane(), TUBE, replace(FINE, trigger="internal"))
+    ranges, _ = free.ping(at(0.43), 5000, SILENT, np.random.default_rng(1), 0.0)
+    early = ranges < 0.429
+    window_s = 2 * 0.43 / 343.2 - FINE.blanking_s
+    assert early.mean() == pytest.approx(3 * window_s / FINE.period_s, rel=0.2)
+    assert ranges[early].min() > free.nearest_m - 1e-3
+    ranges, _ = Sounder(plane(), TUBE, FINE).ping(at(0.43), 5000, SILENT, np.random.default_rng(1), 0.0)
+    assert np.ptp(ranges) < 1e-5
 
 
 def test_empty_space_is_no_echo() -> None:

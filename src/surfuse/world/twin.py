@@ -15,7 +15,8 @@ from surfuse.records import ByteArray, CameraModel, FloatArray, SensorSpec
 from surfuse.world.acoustics.air import AirParameters
 from surfuse.world.acoustics.beam import BundleParameters
 from surfuse.world.acoustics.kit import BARE, TUBE, KitParameters, TransducerParameters
-from surfuse.world.acoustics.sounder import AcousticNoise, Sounder
+from surfuse.world.acoustics.noise import AcousticNoise
+from surfuse.world.acoustics.sounder import Sounder
 from surfuse.world.materials import MATERIALS, Material, Surface
 from surfuse.world.optics import OpticsParameters, render
 from surfuse.world.scene import Scene

@@ -77,8 +77,9 @@ class KitParameters:
     threshold : level that the envelope must reach at gain step 0 (1: the echo of a plate 0.5 m away).
     sample_rate_hz : rate of the clock that counts the time of flight; the reading is its next tick.
     listen_s : how long the kit listens.
-    trigger : `external` fires when asked; `internal` lets every kit run on its own clock, so that bursts of
-        neighbours can meet.
+    trigger : `external` fires when asked, one kit at a time; `internal` lets every kit run on its own clock, so that
+        a neighbour's burst, back from the same surface, may be taken for the own echo.
+    period_s : time between bursts of a kit that runs on its own clock.
     """
 
     frequency_hz: float = 63e3
@@ -90,6 +91,7 @@ class KitParameters:
     sample_rate_hz: float = 1e6
     listen_s: float = 23.5e-3
     trigger: Literal["external", "internal"] = "external"
+    period_s: float = 0.05
 
     def __post_init__(self) -> None:
         limits = {
@@ -101,6 +103,7 @@ class KitParameters:
             "threshold": (1e-6, 10.0),
             "sample_rate_hz": (1e4, 1e9),
             "listen_s": (1e-4, 0.1),
+            "period_s": (1e-3, 10.0),
         }
         _check_limits("kit", self, limits)
         if not self.blanking_s < self.listen_s:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from surfuse.errors import ConfigError
 from surfuse.records import FloatArray, IntArray
 from surfuse.world.acoustics import arrivals, reflections
 from surfuse.world.acoustics.air import AirParameters, absorption, speed_of_sound
@@ -15,6 +14,7 @@ from surfuse.world.acoustics.beam import BundleParameters, sample_beam
 from surfuse.world.acoustics.detection import burst_envelope, detect
 from surfuse.world.acoustics.edges import NO_EDGES, EdgePoints, sharp_edges
 from surfuse.world.acoustics.kit import TUBE, KitParameters, TransducerParameters
+from surfuse.world.acoustics.noise import AcousticNoise
 from surfuse.world.materials import MATERIALS, Material, Surface, table_of
 from surfuse.world.scene import Scene
 
@@ -22,48 +22,6 @@ BIN_M = 0.0005
 REFERENCE_M = 0.43
 _MOST_EDGE_RAYS = 1024
 _INAUDIBLE = 0.01
-
-
-@dataclass(frozen=True)
-class AcousticNoise:
-    """What makes two pings from one place differ.
-
-    Parameters
-    ----------
-    timing_m : standard deviation of a single ping's range (turbulence, electronics).
-    amplitude : relative standard deviation of the echo's strength (turbulence).
-    receiver : standard deviation of the receiver's noise, in the unit of `KitParameters.threshold`, before the gain.
-    dropout : probability that a ping is not heard at all.
-    slip : probability that the detector misses one period, so that the range is half a wavelength long.
-    drift_m : range error of a kit that has just been switched on.
-    drift_time_s : time constant with which that error dies out.
-    """
-
-    timing_m: float = 0.3e-3
-    amplitude: float = 0.03
-    receiver: float = 1e-5
-    dropout: float = 0.0
-    slip: float = 0.0
-    drift_m: float = 0.0
-    drift_time_s: float = 600.0
-
-    def __post_init__(self) -> None:
-        for name in ("timing_m", "amplitude", "receiver"):
-            value = getattr(self, name)
-            if not 0.0 <= value <= 0.5:
-                raise ConfigError(f"noise.{name} = {value}", cure="give 0 to 0.5")
-        for name in ("dropout", "slip"):
-            value = getattr(self, name)
-            if not 0.0 <= value <= 1.0:
-                raise ConfigError(f"noise.{name} = {value}", cure="give a probability between 0 and 1")
-        if not (abs(self.drift_m) <= 0.1 and self.drift_time_s > 0.0):
-            raise ConfigError(
-                f"noise.drift_m = {self.drift_m} with drift_time_s = {self.drift_time_s}",
-                cure="give at most 0.1 m and a time > 0",
-            )
-
-
-SILENT = AcousticNoise(timing_m=0.0, amplitude=0.0, receiver=0.0)
 
 
 @dataclass(frozen=True)
@@ -170,6 +128,8 @@ class Sounder:
         along = np.where(heard, place, 0.0) * BIN_M
         clock = self.kit.sample_rate_hz
         time = 2.0 * (along + self.transducer.tube_length_m) / self.speed_m_s
+        if self.kit.trigger == "internal":
+            time = self._crossed(time, noise.neighbours, generator)
         # The burst starts anywhere between two ticks of the counting clock; the crossing is seen at the next one.
         counted = (np.ceil(time * clock + tick) - tick - 0.5) / clock
         ranges = 0.5 * self.assumed_speed_m_s * (counted - self._delay_s) + jitter
@@ -246,6 +206,12 @@ class Sounder:
             self._opens, scale, shift, place,
         )  # fmt: skip
         return place, peak
+
+    def _crossed(self, time_s: FloatArray, neighbours: int, generator: np.random.Generator) -> FloatArray:
+        """Times of flight (P,) when neighbours fire at any moment: whichever burst comes back first after blanking."""
+        strangers = self.kit.period_s * generator.random((len(time_s), neighbours))
+        strangers[strangers <= self.kit.blanking_s] = np.inf
+        return np.asarray(np.minimum(time_s, strangers.min(axis=1, initial=np.inf)), dtype=np.float64)
 
     def _timing(self, speed_m_s: float) -> tuple[FloatArray, FloatArray, FloatArray, int]:
         """Echo shape (W,), detection level (B,), ringing (B,), and the bin at which the detector opens."""
