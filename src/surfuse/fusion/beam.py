@@ -1,0 +1,115 @@
+"""Beam-aware fusion: the surface whose predicted first echoes explain all readings best, with its uncertainty.
+
+Each reading is the first echo that crosses a threshold somewhere in a wide beam, not a depth on the axis. The method
+predicts that echo (mirror-like facet, rim, or speckle), tries several explanations of all readings, and keeps the most
+probable one. The parts are in `beam_model`; the model is explained in docs/explanations/beam.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from surfuse.errors import ConfigError, DataError
+from surfuse.fusion import median
+from surfuse.fusion.beam_model.echo import DetectorModel
+from surfuse.fusion.beam_model.maps import estimate_map
+from surfuse.interfaces import FusionMethod
+from surfuse.records import (
+    FusedPoint,
+    FusionResult,
+    FusionScene,
+    MapGrid,
+    Readings,
+    Sweep,
+    readings_from_sweeps,
+)
+
+SUMMARY = "beam-aware: the surface whose predicted first echoes explain all readings best"
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What no data sheet gives, with the values of a Polaroid-type ranging module on matte parts.
+
+    threshold_ratio: detection threshold relative to the echo of a facing plate. rise_wavelengths: time constant of the
+    echo's rise, in wavelengths of range. burst_cycles: cycles of the burst. roughness_m: diffuse scattering length of
+    the surface (m). edge_price: how improbable a break between two cells is (units of log likelihood).
+    """
+
+    threshold_ratio: float = 0.0145
+    rise_wavelengths: float = 2.0
+    burst_cycles: int = 16
+    roughness_m: float = 0.00065
+    edge_price: float = 0.5
+
+    def __post_init__(self) -> None:
+        limits = {
+            "threshold_ratio": (self.threshold_ratio, 1e-4, 0.5),
+            "rise_wavelengths": (self.rise_wavelengths, 0.1, 100.0),
+            "burst_cycles": (float(self.burst_cycles), 1.0, 1000.0),
+            "roughness_m": (self.roughness_m, 1e-6, 0.1),
+            "edge_price": (self.edge_price, 0.01, 1000.0),
+        }
+        for name, (value, low, high) in limits.items():
+            if not low <= value <= high:
+                raise ConfigError(f"fusion.beam.{name} = {value}", cure=f"give a value from {low:g} to {high:g}")
+
+    @property
+    def detector(self) -> DetectorModel:
+        """The detector and surface that these parameters describe."""
+        return DetectorModel(self.threshold_ratio, self.burst_cycles, self.rise_wavelengths, self.roughness_m)
+
+
+@dataclass
+class BeamState:
+    """Live fusion so far: the scene, the state of the cheap local estimate, the sweeps."""
+
+    scene: FusionScene
+    local: object
+    sweeps: list[Sweep] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class BeamFusion:
+    """A `FusionMethod` that collects sweeps, answers each with their median, and estimates the map at the end."""
+
+    parameters: Parameters
+    local: FusionMethod
+    name: str = "beam"
+
+    def start(self, scene: FusionScene) -> BeamState:
+        """A fresh state."""
+        return BeamState(scene, self.local.start(scene))
+
+    def step(self, state: object, sweep: Sweep) -> FusedPoint:
+        """Keep the sweep; the point of this stop is the median of its valid readings."""
+        own = self._own(state)
+        point = self.local.step(own.local, sweep)
+        own.sweeps.append(sweep)
+        return point
+
+    def finish(self, state: object, grid: MapGrid) -> FusionResult:
+        """The points so far and the map that explains all their readings."""
+        own = self._own(state)
+        points = self.local.finish(own.local, grid).points
+        readings = readings_from_sweeps(own.scene.specs, own.sweeps)
+        return FusionResult(points, estimate_map(own.scene, readings, grid, self.parameters.detector,
+                                                 self.parameters.edge_price))  # fmt: skip
+
+    def replay(self, scene: FusionScene, readings: Readings, grid: MapGrid) -> FusionResult:
+        """The whole scan at once."""
+        points = self.local.replay(scene, readings, grid).points
+        return FusionResult(points, estimate_map(scene, readings, grid, self.parameters.detector,
+                                                 self.parameters.edge_price))  # fmt: skip
+
+    def _own(self, state: object) -> BeamState:
+        if not isinstance(state, BeamState):
+            raise DataError(
+                f"'{self.name}' was given a state of type {type(state).__name__}", cure="pass what its start() returned"
+            )
+        return state
+
+
+def create(parameters: Parameters) -> FusionMethod:
+    """The method with these parameters."""
+    return BeamFusion(parameters, median.create(median.Parameters()))

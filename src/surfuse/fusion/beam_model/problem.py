@@ -1,0 +1,136 @@
+"""What is to be estimated from what: stations, tables of their sensors, raster; and the arrivals over a surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from surfuse.fusion.beam_model.arrivals import MIRROR, NONE, SPECKLE, predict
+from surfuse.fusion.beam_model.echo import LEVELS, OFF_AXIS, TILTS, BeamTable, half_plane
+from surfuse.fusion.beam_model.envelope import carve
+from surfuse.fusion.beam_model.plate import Plate, plate
+from surfuse.fusion.beam_model.raster import Raster, slopes
+from surfuse.fusion.beam_model.stations import Stations
+from surfuse.records import FloatArray, IntArray
+
+ANGLE_STEP = float(OFF_AXIS[1])
+DIFFRACTION_STEP = 0.02
+DIFFRACTION = half_plane(np.arange(0.0, 12.0, DIFFRACTION_STEP) / 2.0, np.ones(1), 1.0)
+# Row of the tables (20 degrees) that stands for a tilted matte patch.
+TYPICAL = 8
+MODEL_ERROR_M = 0.0001
+# Degrees of freedom of the residuals' heavy-tailed distribution.
+TAIL = 4.0
+
+
+@dataclass(frozen=True)
+class Arrivals:
+    """What every station should hear over one surface: M rows.
+
+    `range_m` (inf: nothing), `gain` d range / d height of the cell, `scatter_m` of the model, `second_m` next arrival,
+    `kind`, `row`, `column` of what is heard.
+    """
+
+    range_m: FloatArray
+    gain: FloatArray
+    scatter_m: FloatArray
+    second_m: FloatArray
+    kind: IntArray
+    row: IntArray
+    column: IntArray
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Stations and raster; `level` (M,) logarithm of amplitude over threshold, nan where unknown."""
+
+    stations: Stations
+    tables: tuple[BeamTable, ...]
+    raster: Raster
+    plate: Plate
+    spacing_m: float
+    level: FloatArray
+
+
+def problem(stations: Stations, tables: tuple[BeamTable, ...], raster: Raster, spacing_m: float) -> Problem:
+    """Put a problem together."""
+    threshold = np.array([table.threshold for table in tables])[stations.spec]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        level = np.log(stations.amplitude / threshold)
+    return Problem(stations, tables, raster, plate(raster.domain, raster.g_m), spacing_m, level)
+
+
+def reach(table: BeamTable) -> float:
+    """Tangent of the largest off-axis angle at which anything but speckle can be heard."""
+    audible = np.nonzero(table.directivity > table.threshold)[0]
+    return float(np.tan(min(OFF_AXIS[audible[-1]] if len(audible) else 0.0, 1.6 * table.half_angle_rad)))
+
+
+def arrivals(p: Problem, height: FloatArray, crease_m: float) -> Arrivals:
+    """First arrivals at all stations over a surface (R, C); a drop of more than `crease_m` between cells is a rim."""
+    s, r = p.stations, p.raster
+    su, sv, cu, cv, rim = slopes(height, r.domain, r.g_m, crease_m)
+    out = np.full((len(s), 4), np.inf)
+    cell = np.zeros((len(s), 3), dtype=np.int64)
+    for k, t in enumerate(p.tables):
+        predict(
+            np.nonzero(s.spec == k)[0], s.position_m, s.axis, s.range_m, p.level, height, su, sv, cu, cv, r.domain,
+            rim, r.u0_m, r.v0_m, r.g_m, t.directivity, DIFFRACTION, ANGLE_STEP, DIFFRACTION_STEP, TILTS, LEVELS,
+            t.speckle_m, t.scatter_m, t.threshold, t.rise_m, t.wavelength_m, reach(t), t.level[TYPICAL],
+            t.scatter_m[TYPICAL, -1], t.optical, out, cell,
+        )  # fmt: skip
+    return Arrivals(out[:, 0], out[:, 1], out[:, 2], out[:, 3], cell[:, 0], cell[:, 1], cell[:, 2])
+
+
+def free_space(p: Problem, trusted: IntArray) -> FloatArray:
+    """Height (R, C) above which a cell would have been heard by at least two of the trusted stations (inf: none)."""
+    s, r = p.stations, p.raster
+    lowest = np.full((*r.shape, 2), np.inf)
+    for k, t in enumerate(p.tables):
+        if not t.optical:
+            carve(
+                trusted[s.spec[trusted] == k], s.position_m, s.axis, s.range_m, r.domain, r.u0_m, r.v0_m, r.g_m,
+                t.directivity, DIFFRACTION, ANGLE_STEP, DIFFRACTION_STEP, t.threshold, t.rise_m, t.wavelength_m,
+                reach(t), lowest,
+            )  # fmt: skip
+    return np.where(np.isfinite(lowest[..., 1]), lowest[..., 1], lowest[..., 0])
+
+
+def deviation(p: Problem, heard: Arrivals, temper_m: float) -> FloatArray:
+    """Standard deviation (M,) of the residuals: timing, model, speckle (whose neighbours repeat each other), temper."""
+    s = p.stations
+    grain = np.array([t.wavelength_m / (4.0 * np.sin(t.half_angle_rad)) for t in p.tables])[s.spec]
+    optical = np.array([t.optical for t in p.tables])[s.spec]
+    speckled = (heard.kind == SPECKLE) & ~optical
+    crowd = np.where(speckled, 1.0 + np.pi * (grain / max(p.spacing_m, 1e-4)) ** 2, 1.0)
+    model = np.where(heard.kind == MIRROR, MODEL_ERROR_M, 0.0)
+    return np.sqrt(s.sigma_m**2 + model**2 + crowd * heard.scatter_m**2 + temper_m**2)
+
+
+def residuals(p: Problem, heard: Arrivals) -> tuple[FloatArray, FloatArray]:
+    """Measured minus predicted range (M,), 0 where nothing is predicted, and where something is (1.0 or 0.0)."""
+    known = (heard.kind != NONE) & np.isfinite(heard.range_m)
+    return np.where(known, p.stations.range_m - np.where(known, heard.range_m, 0.0), 0.0), known.astype(np.float64)
+
+
+def misfit(p: Problem, heard: Arrivals, temper_m: float) -> FloatArray:
+    """Minus log likelihood (M,) with heavy tails; a reading that nothing explains costs as much as a gross outlier."""
+    sigma = deviation(p, heard, temper_m)
+    e, known = residuals(p, heard)
+    x = np.where(known > 0.0, (e / sigma) ** 2, 60.0)
+    return np.asarray(0.5 * TAIL * np.log1p(x / TAIL) + np.log(sigma / (3.0 * MODEL_ERROR_M)))
+
+
+def pulls(p: Problem, heard: Arrivals, height: FloatArray, temper_m: float) -> tuple[FloatArray, FloatArray]:
+    """Weights and target heights by cell (R, C): the linearised, robustly weighted observations."""
+    sigma = deviation(p, heard, temper_m)
+    e, known = residuals(p, heard)
+    gain = np.maximum(np.abs(heard.gain), 0.2)
+    weight = known * (gain / sigma) ** 2 / (1.0 + (e / sigma) ** 2 / TAIL)
+    rows, cols = p.raster.shape
+    flat = np.where(known > 0.0, heard.row * cols + heard.column, 0)
+    total = np.bincount(flat, weights=weight, minlength=rows * cols)
+    summed = np.bincount(flat, weights=weight * (height.ravel()[flat] - e / gain), minlength=rows * cols)
+    target = np.where(total > 0.0, summed / np.where(total > 0.0, total, 1.0), 0.0)
+    return total.reshape(rows, cols), target.reshape(rows, cols)

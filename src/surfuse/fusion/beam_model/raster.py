@@ -1,0 +1,82 @@
+"""The raster on which the surface is estimated: nodes, domain, slopes, rims, and its relation to the map's grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from surfuse.geometry.compiled import compiled
+from surfuse.records import BoolArray, FloatArray, MapGrid
+
+
+@dataclass(frozen=True)
+class Raster:
+    """Square cells of side `g_m` centred on nodes (u0 + i g, v0 + j g); `domain` (R, C) marks cells of the part."""
+
+    u0_m: float
+    v0_m: float
+    g_m: float
+    domain: BoolArray
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(R, C)."""
+        return self.domain.shape[0], self.domain.shape[1]
+
+    def nodes(self) -> tuple[FloatArray, FloatArray]:
+        """Coordinates u (C,) and v (R,) of the nodes."""
+        rows, cols = self.shape
+        return self.u0_m + self.g_m * np.arange(cols), self.v0_m + self.g_m * np.arange(rows)
+
+    def sample(self, layer: FloatArray, grid: MapGrid) -> FloatArray:
+        """Values of a layer at the nearest node of each node of the map's grid (nan outside)."""
+        i = np.floor((grid.u_m - self.u0_m) / self.g_m + 0.5).astype(np.int64)
+        j = np.floor((grid.v_m - self.v0_m) / self.g_m + 0.5).astype(np.int64)
+        rows, cols = self.shape
+        inside = ((j >= 0) & (j < rows))[:, None] & ((i >= 0) & (i < cols))[None, :]
+        values = layer[np.clip(j, 0, rows - 1)[:, None], np.clip(i, 0, cols - 1)[None, :]]
+        return np.where(inside, values, np.nan)
+
+
+@compiled
+def slopes(
+    height: FloatArray, domain: BoolArray, g: float, crease: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Slopes and curvatures along u and v that do not reach across an edge, and the rim cells.
+
+    A rim cell lies next to a drop or to the outside.
+    """
+    rows, cols = height.shape
+    su = np.zeros((rows, cols))
+    sv = np.zeros((rows, cols))
+    cu = np.zeros((rows, cols))
+    cv = np.zeros((rows, cols))
+    rim = np.zeros((rows, cols), dtype=np.bool_)
+    for j in range(rows):
+        for i in range(cols):
+            if not domain[j, i]:
+                continue
+            for along in range(2):
+                dj, di = (0, 1) if along == 0 else (1, 0)
+                ja, ia, jb, ib = j - dj, i - di, j + dj, i + di
+                has_a = ja >= 0 and ia >= 0 and domain[ja, ia]
+                has_b = jb < rows and ib < cols and domain[jb, ib]
+                back = (height[j, i] - height[ja, ia]) if has_a else 0.0
+                ahead = (height[jb, ib] - height[j, i]) if has_b else 0.0
+                bend = ahead - back
+                smooth = has_a and has_b and abs(bend) < crease
+                if has_a and has_b:
+                    slope = 0.5 * (back + ahead) if smooth else (back if abs(back) < abs(ahead) else ahead)
+                else:
+                    slope = back if has_a else ahead
+                # A drop is what remains after the slope of this side is taken off.
+                if not has_a or back - slope > crease or not has_b or slope - ahead > crease:
+                    rim[j, i] = True
+                if along == 0:
+                    su[j, i] = slope / g
+                    cu[j, i] = bend / (g * g) if smooth else 0.0
+                else:
+                    sv[j, i] = slope / g
+                    cv[j, i] = bend / (g * g) if smooth else 0.0
+    return su, sv, cu, cv, rim

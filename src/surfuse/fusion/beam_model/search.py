@@ -1,0 +1,80 @@
+"""From a start to the most probable surface, and how probable that explanation is as a whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from surfuse.fusion.beam_model.plate import Stiffness, factor, log_determinant, solve
+from surfuse.fusion.beam_model.problem import Arrivals, Problem, arrivals, misfit, pulls
+from surfuse.records import FloatArray
+
+# Prior standard deviation of a height about the start, so that the determinants exist.
+LOOSE_M = 0.5
+DAMPING = (1.0, 0.5, 0.2, 0.05)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A surface (R, C), the arrivals over it, and its score: minus log evidence (Laplace's approximation)."""
+
+    height_m: FloatArray
+    heard: Arrivals
+    stiffness: Stiffness
+    crease_m: float
+    score: float
+    start: str
+
+
+def crease(p: Problem, stiffness: Stiffness) -> float:
+    """Bend (m) between cells beyond which the prior calls it an edge."""
+    return float(np.clip(np.sqrt(2.0 * 8.0 * stiffness.second) * p.raster.g_m, 0.0015, 0.004))
+
+
+def objective(p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness, temper_m: float) -> float:
+    """Minus log posterior of a surface, up to a constant."""
+    return float(np.sum(misfit(p, heard, temper_m))) + p.plate.energy(height, stiffness)
+
+
+def descend(
+    p: Problem, height: FloatArray, stiffness: Stiffness, crease_m: float, tempers_m: tuple[float, ...]
+) -> tuple[FloatArray, Arrivals]:
+    """Gauss-Newton with backtracking; each step solves the linearised problem and keeps what lowers the objective."""
+    heard = arrivals(p, height, crease_m)
+    for k, temper in enumerate(tempers_m):
+        now = objective(p, height, heard, stiffness, temper)
+        data, target = pulls(p, heard, height, temper)
+        band = p.plate.precision(height, stiffness, LOOSE_M**-2)
+        band[0] += p.plate.vector(data)
+        right = p.plate.vector(data * target + height * LOOSE_M**-2)
+        goal = p.plate.field(solve(factor(band), right))
+        lowered = False
+        for share in DAMPING:
+            trial = height + share * (goal - height)
+            there = arrivals(p, trial, crease_m)
+            value = objective(p, trial, there, stiffness, temper)
+            if value < now:
+                height, heard, lowered = trial, there, True
+                break
+        last = k + 1 == len(tempers_m) or tempers_m[k + 1] == temper
+        if last and (not lowered or now - value < 0.02 * len(p.stations) ** 0.5):
+            if all(t == temper for t in tempers_m[k:]):
+                break
+    return height, heard
+
+
+def evidence(p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness) -> float:
+    """Minus log evidence: objective plus half the log ratio of posterior and prior precision."""
+    prior = p.plate.precision(height, stiffness, LOOSE_M**-2)
+    posterior = prior.copy()
+    posterior[0] += p.plate.vector(pulls(p, heard, height, 0.0)[0])
+    volume = 0.5 * (log_determinant(factor(posterior)) - log_determinant(factor(prior)))
+    return objective(p, height, heard, stiffness, 0.0) + volume
+
+
+def find(p: Problem, start: FloatArray, name: str, stiffness: Stiffness, tempers_m: tuple[float, ...]) -> Solution:
+    """Descend from a start and score what is found."""
+    width = crease(p, stiffness)
+    height, heard = descend(p, start, stiffness, width, tempers_m)
+    return Solution(height, heard, stiffness, width, evidence(p, height, heard, stiffness), name)

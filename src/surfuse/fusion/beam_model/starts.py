@@ -1,0 +1,94 @@
+"""First surfaces: a plane through the own-axis points, and the nearest oriented points that free space allows."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from surfuse.fusion.beam_model.echo import LEVELS
+from surfuse.fusion.beam_model.problem import TYPICAL, Problem, free_space
+from surfuse.fusion.beam_model.surfels import Surfels
+from surfuse.records import BoolArray, FloatArray, IntArray
+
+CLEAR_ECHO = float(np.log(10.0))
+AMBIGUITY_M = 0.001
+NEAREST = 16
+
+
+def over_part(p: Problem, points_m: FloatArray) -> BoolArray:
+    """Which points (M,) stand over a cell of the domain."""
+    r = p.raster
+    i = np.floor((points_m[:, 0] - r.u0_m) / r.g_m + 0.5).astype(np.int64)
+    j = np.floor((points_m[:, 1] - r.v0_m) / r.g_m + 0.5).astype(np.int64)
+    rows, cols = r.shape
+    ok = (i >= 0) & (j >= 0) & (i < cols) & (j < rows)
+    ok[ok] = r.domain[j[ok], i[ok]]
+    return np.asarray(ok, dtype=bool)
+
+
+def plane(p: Problem, points_m: FloatArray) -> FloatArray:
+    """Plane (R, C) through points (M, 3) by iterated Cauchy weights; constant when they do not span a plane."""
+    u, v = p.raster.nodes()
+    uu, vv = np.meshgrid(u, v)
+    points = points_m[over_part(p, points_m)]
+    if len(points) == 0:
+        return np.full(p.raster.shape, float(np.median(points_m[:, 2])) if len(points_m) else 0.0)
+    centre = points.mean(axis=0)
+    design = np.column_stack([points[:, :2] - centre[:2], np.ones(len(points))])
+    # Tiny ridge on the slopes: few or collinear points give a level plane, not a wild one.
+    ridge = np.diag([1e-4, 1e-4, 0.0])
+    weight = np.ones(len(points))
+    fit = np.array([0.0, 0.0, float(np.median(points[:, 2]))])
+    for _ in range(20):
+        normal = design.T @ (weight[:, None] * design) + ridge
+        fit = np.linalg.solve(normal, design.T @ (weight * points[:, 2]))
+        error = points[:, 2] - design @ fit
+        scale = 1.4826 * float(np.median(np.abs(error))) + 1e-4
+        weight = 1.0 / (1.0 + (error / scale) ** 2)
+    return np.asarray(fit[0] * (uu - centre[0]) + fit[1] * (vv - centre[1]) + fit[2], dtype=np.float64)
+
+
+def speckle_shift(p: Problem) -> FloatArray:
+    """Late arrival (M,) of speckle at a typical tilt, by amplitude where it is known."""
+    shift = np.zeros(len(p.stations))
+    for k, table in enumerate(p.tables):
+        row = table.speckle_m[TYPICAL]
+        by_level = np.interp(np.nan_to_num(p.level), LEVELS, row[:-1])
+        shift = np.where(p.stations.spec == k, np.where(np.isnan(p.level), row[-1], by_level), shift)
+    return shift
+
+
+def trusted(p: Problem, surfels: Surfels) -> IntArray:
+    """Stations that may carve: on a wavefront with their neighbours, or with an echo too strong for speckle."""
+    strong = np.nan_to_num(p.level, nan=-np.inf) > CLEAR_ECHO
+    return np.flatnonzero(surfels.coherent | strong)
+
+
+def nearest_allowed(p: Problem, surfels: Surfels) -> FloatArray:
+    """Each cell (R, C) takes the height of the nearest oriented point whose plane free space does not forbid there."""
+    s, r = p.stations, p.raster
+    bound = free_space(p, trusted(p, surfels))[r.domain]
+    blurred = s.position_m + s.axis * (s.range_m - speckle_shift(p))[:, None]
+    points = np.where(surfels.coherent[:, None], surfels.point_m, blurred)
+    chosen = over_part(p, points)
+    if not np.any(chosen):
+        return plane(p, blurred)
+    points, normal, sure = points[chosen], -surfels.towards[chosen], surfels.coherent[chosen]
+    u, v = r.nodes()
+    uu, vv = np.meshgrid(u, v)
+    cells = np.column_stack([uu[r.domain], vv[r.domain]])
+    distance, index = cKDTree(points[:, :2]).query(cells, k=min(NEAREST, len(points)))
+    distance, index = distance.reshape(len(cells), -1), index.reshape(len(cells), -1)
+    lean = (normal[index, 0] * (cells[:, None, 0] - points[index, 0])
+            + normal[index, 1] * (cells[:, None, 1] - points[index, 1]))  # fmt: skip
+    tilted = points[index, 2] - np.where(sure[index], lean / np.maximum(normal[index, 2], 0.2), 0.0)
+    allowed = tilted <= bound[:, None] + AMBIGUITY_M
+    # A wavefront is worth more than a nearer reading of speckle.
+    rank = np.where(allowed, np.where(sure[index], 1.0, 0.02) / (distance + 0.3 * r.g_m) ** 2, 0.0)
+    first = np.argmax(rank, axis=1)
+    best = tilted[np.arange(len(cells)), first]
+    level = float(np.median(points[:, 2]))
+    lowered = np.where(np.isfinite(bound), bound, level)
+    height = np.zeros(r.shape)
+    height[r.domain] = np.where(rank.max(axis=1) > 0.0, best, lowered)
+    return height

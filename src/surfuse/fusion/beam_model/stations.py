@@ -1,0 +1,169 @@
+"""From readings to stations: part frame, repeats merged, spikes and lying sensors set aside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from surfuse.records import BoolArray, FloatArray, FusionScene, IntArray, Readings, SensorSpec, Status
+
+SAME_PLACE_M = 0.0015
+SAME_AXIS = 0.01
+AGREEMENT_SIGMAS = 4.0
+AGREEMENT_FLOOR_M = 0.002
+# A surface steeper than this between neighbours is a step, not a slope.
+STEEPEST = 1.5
+
+
+@dataclass(frozen=True)
+class Stations:
+    """Places from which the surface was heard, in the part frame: M rows.
+
+    `position_m`, `axis` (M, 3); `range_m`, `sigma_m` of the merged range; `amplitude` (nan: unknown); `spec` index of
+    the sensor kind; `count` readings merged; `of_reading` (N,) the station of each reading (-1: rejected).
+    """
+
+    position_m: FloatArray
+    axis: FloatArray
+    range_m: FloatArray
+    sigma_m: FloatArray
+    amplitude: FloatArray
+    spec: IntArray
+    count: IntArray
+    of_reading: IntArray
+
+    def __len__(self) -> int:
+        return len(self.range_m)
+
+    @property
+    def foot_m(self) -> FloatArray:
+        """Own-axis points (M, 3): where the axis is at the measured range."""
+        return self.position_m + self.axis * self.range_m[:, None]
+
+    def select(self, keep: BoolArray) -> Stations:
+        """The stations marked by `keep` (M,); readings of the others become rejected."""
+        renumber = np.where(keep, np.cumsum(keep) - 1, -1)
+        of_reading = np.where(self.of_reading >= 0, renumber[self.of_reading], -1) if len(keep) else self.of_reading
+        return Stations(
+            self.position_m[keep], self.axis[keep], self.range_m[keep], self.sigma_m[keep], self.amplitude[keep],
+            self.spec[keep], self.count[keep], of_reading,
+        )  # fmt: skip
+
+
+Kind = tuple[str, float, float | None, float | None]
+
+
+def _kind(spec: SensorSpec) -> Kind:
+    return (spec.kind, spec.beam_full_angle_rad, spec.frequency_hz, spec.aperture_m)
+
+
+def kinds(specs: tuple[SensorSpec, ...]) -> tuple[SensorSpec, ...]:
+    """One spec for each kind of sensor (same beam and waves), in the order in which they come."""
+    return tuple({_kind(spec): spec for spec in reversed(specs)}[kind] for kind in dict.fromkeys(map(_kind, specs)))
+
+
+def usable(readings: Readings, scene: FusionScene) -> BoolArray:
+    """Readings (N,) with an echo inside the limits of their sensor, looking at the front of the part."""
+    low = np.array([spec.range_min_m for spec in readings.specs])[readings.sensor]
+    high = np.array([spec.range_max_m for spec in readings.specs])[readings.sensor]
+    towards = readings.axis @ scene.world_from_part[:3, 2]
+    finite = np.isfinite(readings.range_m) & np.all(np.isfinite(readings.position_m), axis=1)
+    with np.errstate(invalid="ignore"):
+        inside = (readings.range_m >= low) & (readings.range_m <= np.minimum(high, scene.depth_max_m))
+        return (readings.status == Status.OK) & finite & inside & (towards < -0.1)
+
+
+def _groups(position: FloatArray, axis: FloatArray, spec: IntArray) -> IntArray:
+    """Number (N,) of the place and direction that readings share."""
+    columns = [np.round(position / SAME_PLACE_M), np.round(axis / SAME_AXIS), spec[:, None]]
+    key = np.column_stack(columns).astype(np.int64)
+    _, group = np.unique(key, axis=0, return_inverse=True)
+    return np.asarray(group.ravel(), dtype=np.int64)
+
+
+def _lying(sensor: IntArray, agrees: BoolArray, judged: BoolArray, sensors: int) -> BoolArray:
+    """Which sensors (S,) disagree with the others at most of the places that they share."""
+    shared = np.bincount(sensor[judged], minlength=sensors)
+    wrong = np.bincount(sensor[judged & ~agrees], minlength=sensors)
+    return (shared >= 8) & (wrong > 0.6 * shared)
+
+
+def _agreement(group: IntArray, range_m: FloatArray, sigma: FloatArray) -> tuple[BoolArray, IntArray]:
+    """Whether a reading agrees with the median of its group (N,), and the size of each group."""
+    order = np.lexsort((range_m, group))
+    size = np.bincount(group)
+    first = np.concatenate([[0], np.cumsum(size)[:-1]])
+    ordered = range_m[order]
+    median = 0.5 * (ordered[first + (size - 1) // 2] + ordered[first + size // 2])
+    tolerance = np.maximum(AGREEMENT_SIGMAS * sigma, AGREEMENT_FLOOR_M)
+    return np.abs(range_m - median[group]) <= tolerance, size
+
+
+def gather(readings: Readings, scene: FusionScene) -> Stations:
+    """Merge repeats from one place by the mean of those that agree with their median."""
+    rows = np.nonzero(usable(readings, scene))[0]
+    part = scene.world_from_part
+    position = (readings.position_m[rows] - part[:3, 3]) @ part[:3, :3]
+    axis = readings.axis[rows] @ part[:3, :3]
+    axis = axis / np.maximum(np.linalg.norm(axis, axis=1), 1e-12)[:, None]
+    sensor, range_m, amplitude = readings.sensor[rows], readings.range_m[rows], readings.amplitude[rows]
+    sigma = np.array([spec.sigma_m for spec in readings.specs])[sensor]
+    number = {_kind(k): n for n, k in enumerate(kinds(readings.specs))}
+    kind_of = np.array([number[_kind(k)] for k in readings.specs], dtype=np.int64)
+    spec = kind_of[sensor]
+    group = _groups(position, axis, spec)
+    agrees, size = _agreement(group, range_m, sigma)
+    lying = _lying(sensor, agrees, size[group] >= 3, len(readings.specs))
+    # Where only two meet and disagree, neither is believed more: both stay, as places of their own.
+    pair = (size[group] == 2) & ~agrees
+    keep = (agrees | pair) & ~lying[sensor]
+    group = np.where(pair, group.max(initial=0) + 1 + np.arange(len(group)), group)
+    of_reading = np.full(len(readings.range_m), -1, dtype=np.int64)
+    names, station = np.unique(group[keep], return_inverse=True)
+    of_reading[rows[keep]] = station
+    count = np.bincount(station, minlength=len(names))
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.bincount(station, weights=values[keep], minlength=len(names)) / np.maximum(count, 1)
+
+    first = np.zeros(len(names), dtype=np.int64)
+    first[station[::-1]] = np.nonzero(keep)[0][::-1]
+    kind_spec = spec[first] if len(names) else np.zeros(0, dtype=np.int64)
+    return Stations(
+        np.column_stack([mean(position[:, k]) for k in range(3)]), axis[first], mean(range_m),
+        mean(sigma) / np.sqrt(np.maximum(count, 1)), mean(amplitude), kind_spec, count, of_reading,
+    )  # fmt: skip
+
+
+def spacing(stations: Stations) -> float:
+    """Typical distance (m) between neighbouring own-axis points across the part (nan: fewer than two)."""
+    if len(stations) < 2:
+        return float("nan")
+    foot = stations.foot_m[:, :2]
+    unique = np.unique(np.round(foot, 4), axis=0)
+    if len(unique) < 2:
+        return float("nan")
+    distance, _ = cKDTree(unique).query(unique, k=2)
+    return float(np.median(distance[:, 1]))
+
+
+def isolated(stations: Stations, step_m: float) -> BoolArray:
+    """Stations (M,) that no neighbour supports: fewer than two of the eight nearest lie on a possible slope.
+
+    A place with fewer than four neighbours within three steps is not judged.
+    """
+    if len(stations) < 9:
+        return np.zeros(len(stations), dtype=bool)
+    foot = stations.foot_m
+    reach = 3.0 * step_m
+    # The beam, not the axis, was there: neighbours are found where the sensor stood, so that a spike cannot hide.
+    middle = stations.position_m + stations.axis * np.median(stations.range_m)
+    distance, index = cKDTree(middle[:, :2]).query(middle[:, :2], k=9, distance_upper_bound=reach)
+    near = np.isfinite(distance[:, 1:])
+    other = np.where(near, index[:, 1:], 0)
+    rise = np.abs(foot[other, 2] - foot[:, None, 2])
+    noise = np.hypot(stations.sigma_m[other], stations.sigma_m[:, None])
+    supported = near & (rise <= STEEPEST * 0.5 * distance[:, 1:].clip(max=reach) + 4.0 * noise + 0.002)
+    return (near.sum(axis=1) >= 4) & (supported.sum(axis=1) < 2)
