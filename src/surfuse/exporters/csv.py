@@ -96,6 +96,8 @@ def _surface(path: Path, lines: list[str], grid: MapGrid, method: str) -> Surfac
     mask[row, column] = True
     if np.any((whole[1] < 0.0) | (whole[1] > 255.0)) or np.any(whole != np.round(whole)):
         raise DataError("count and regime must be whole numbers", where=str(path), cure="export again")
+    if not np.all(np.isfinite(table[:, 2])):
+        raise DataError("a measured node has no finite height", where=str(path), cure="export again")
     return SurfaceMap(
         grid=grid,
         height_m=layers["height_m"],

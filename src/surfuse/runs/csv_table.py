@@ -64,9 +64,10 @@ class CsvSource:
         self.delimiter, self.header = _dialect(self.text, path)
 
     def reader(self) -> CsvReader:
-        """A fresh reader that stands behind the header."""
+        """A fresh reader that stands behind the header (the first line that is not blank)."""
         reader = csv.reader(io.StringIO(self.text, newline=""), delimiter=self.delimiter, strict=True)
-        next(reader)
+        while not next(reader):
+            pass
         return reader
 
     def checked(self, read: Callable[[], list[list[str]]], reader: CsvReader) -> list[list[str]]:
@@ -106,14 +107,18 @@ def _dialect(text: str, path: Path) -> tuple[str, list[str]]:
     known = set(REQUIRED + OPTIONAL)
     best: tuple[str, list[str]] = (",", [])
     first_line = re.split("[\r\n]", text.lstrip("\r\n"), maxsplit=1)[0]
+    problem = ""
     for delimiter in (",", ";", "\t"):
         try:
             names = next(csv.reader([first_line], delimiter=delimiter), [])
         except csv.Error as error:
-            raise DataError(f"not a CSV file: {error}", where=f"{path}:1", cure="give a header line") from error
+            problem = str(error)
+            continue
         header = [name.strip() for name in names]
         if len(known & set(header)) > len(known & set(best[1])) or not best[1]:
             best = (delimiter, header)
+    if not best[1]:
+        raise DataError(f"not a CSV file: {problem}", where=f"{path}:1", cure="give a header line")
     _check_header(best[1], path)
     return best
 
@@ -240,11 +245,11 @@ class _Columns:
 
     def _with_points(self, column: str, cells: Sequence[str], joined: str) -> Sequence[str]:
         """Decimal commas made points; a file has the one or the other, never both."""
+        late = "." if self._commas or (not self._points and "," in cells[0]) else ","
         self._commas |= "," in joined
         self._points |= "." in joined
         if self._commas and self._points:
-            mark = "," if "," in joined else "."
-            self._refuse(column, cells, lambda cell: mark in cell, "the file mixes decimal points and decimal commas")
+            self._refuse(column, cells, lambda cell: late in cell, "the file mixes decimal points and decimal commas")
         return [cell.replace(",", ".") for cell in cells] if self._commas else cells
 
     def _refuse(self, column: str, cells: Iterable[str], wrong: Callable[[str], bool], what: str = "") -> None:

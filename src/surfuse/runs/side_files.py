@@ -48,7 +48,10 @@ def read_sensors(path: Path) -> tuple[SensorSpec, ...]:
         if not isinstance(table, Mapping):
             raise ConfigError(f"'{name}' is not a table", where=str(path), cure="write one table [name] a sensor")
         refuse_unknown(table, _SENSOR_KEYS, where)
-        specs.append(_spec(name, table, where))
+        try:
+            specs.append(_spec(name, table, where))
+        except DataError as error:
+            raise DataError(error.what, where=where, cure=error.cure) from error
     if not specs:
         raise ConfigError("the file names no sensor", where=str(path), cure="write one table [name] a sensor")
     return tuple(specs)

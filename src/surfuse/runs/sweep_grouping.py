@@ -9,7 +9,7 @@ from surfuse.geometry.poses import FloatArray, pose
 from surfuse.records import IntArray
 
 _SAME_ROW = 0.5
-_LONG_MOVE = 3.0
+_LONG_MOVE = 1.25
 
 
 def group_by_repeat(sensor: IntArray) -> IntArray:
@@ -64,8 +64,8 @@ def grip_poses(start: IntArray, position_m: FloatArray, axis: FloatArray, x_hint
 def line_direction(points: FloatArray) -> FloatArray | None:
     """Unit direction (D,) along which consecutive points (M, D) mostly move, or None when they do not move.
 
-    The principal axis of the steps between neighbours; long moves (more than 3 medians: returns to the start of a
-    line) do not count.
+    The principal axis of the steps between neighbours; long moves (more than 1.25 medians: returns to the
+    start of a line) do not count.
     """
     steps = np.diff(points, axis=0)
     length = np.linalg.norm(steps, axis=1)
