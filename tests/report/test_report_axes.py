@@ -60,6 +60,7 @@ def test_plan_has_one_scale_for_both_axes():
     wide = PlanView(np.array([[0.0, 0.0], [0.4, 0.0], [0.4, 0.1]]), np.zeros((0, 2)))
     root = ET.fromstring(str(plan_chart(wide)))
     frame = next(node for node in root.iter("rect") if node.get("class") == "frame")
+    assert 300 < float(frame.get("width")) < 700
     pad = 2 * 0.06 * 400
     assert float(frame.get("width")) / float(frame.get("height")) == pytest.approx((400 + pad) / (100 + pad), rel=1e-3)
 

@@ -34,7 +34,13 @@ def _relief_view(title: str) -> Markup:
     controls = element(
         "div", {"class": "controls"}, _select("relief-map", "Surface"), _select("relief-colour", "Coloured by")
     )
-    return element("figure", {"data-role": "view"}, controls, element("canvas", canvas))
+    return element(
+        "figure",
+        {"data-role": "view"},
+        controls,
+        element("canvas", canvas),
+        element("figcaption", {"data-role": "relief-caption"}),
+    )
 
 
 def relief_section() -> Markup:
@@ -51,7 +57,7 @@ def relief_section() -> Markup:
     )
     text = "Seen from the sensors: u to the right, v up, w towards the reader. Both views turn together."
     caption = "Drag or use the arrow keys to turn; + and −, two fingers, or Ctrl with the wheel to zoom."
-    hint = element("p", {"class": "facts-line"}, caption)
+    hint = element("p", {"class": "facts-line screen-only"}, caption)
     body = element("div", {"data-relief": 0}, controls, views, hint)
     return section("surface", "The surface", element("p", None, text), body)
 
@@ -64,11 +70,13 @@ def explorer_section(has_stops: bool) -> Markup:
         "role": "img",
         "aria-label": "Heat map; arrow keys move the cursor",
     }
-    why = ", and why the nearest stop has its value" if has_stops else ""
+    facts = (
+        "its height, its uncertainty, and why the nearest stop has its value" if has_stops else "height and uncertainty"
+    )
     intro = element(
         "p",
         None,
-        f"Point at a place to read its height, its uncertainty{why}. A click holds the cursor, a second one frees it; "
+        f"Point at a place to read {facts}. A click holds the cursor, a second one frees it; "
         "arrow keys move it by one cell. Places without a value stay empty.",
     )
     controls = element(

@@ -56,7 +56,7 @@ class Comparison {
       const used = map.layers[name] ? name : "height", cell = cellAt(map, this.cursor.u, this.cursor.v);
       heat.cursor = this.cursor;
       heat.show({ map, values: map.layers[used] }, LAYERS[used], used === name ? span : this.group.spans.height);
-      value.textContent = cell < 0 ? "" : number(map.layers[used][cell], LAYERS[used].digits, LAYERS[used].unit);
+      value.textContent = cell < 0 ? "" : number(map.layers[used][cell], Math.max(LAYERS[used].digits, used === "confidence" ? 0 : this.group.digits), LAYERS[used].unit);
     }
     drawScale(part(this.host, "scale"), layer, span, this.group.words);
     const at = this.cursor[this.other], series = seriesOf(this.group, -1, this.along, at, this.chart.host);

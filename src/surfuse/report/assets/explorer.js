@@ -2,6 +2,8 @@
 
 function readGroup(raw, words) {
   const group = { maps: raw.maps.map(readMap), spans: raw.spans, stops: readStops(raw.stops), outline: raw.outline || [], words };
+  // A nearly flat part is read to the micrometre.
+  group.digits = raw.spans.height[1] - raw.spans.height[0] < 5 ? 3 : 2;
   group.extent = groupExtent(group.maps, group.stops);
   return group;
 }
@@ -162,6 +164,7 @@ function startView(host, group, stretchOf, wireOn) {
     if (names.includes(before)) colour.value = before;
     relief.stretch = stretchOf();
     const name = colour.value;
+    part(host, "relief-caption").textContent = `${map.label}, coloured by: ${LAYERS[name].title.toLowerCase()}`;
     relief.show(map, map.layers[name], LAYERS[name], group.spans[name] || [0, 1], wireOn() && truth && !map.truth ? truth : null);
   };
   for (const control of [select, colour]) control.addEventListener("input", show);

@@ -8,8 +8,8 @@ function mapTable(group, chosen, cursor) {
   const body = group.maps.map((map, k) => {
     const cell = cellAt(map, cursor.u, cursor.v), has = cell >= 0;
     const error = has && map.layers.error ? map.layers.error[cell] : NaN;
-    const cells = [soft(map.label), has ? number(map.layers.height[cell], 2) : "outside", has && map.layers.sigma ? number(map.layers.sigma[cell], 3) : ""];
-    if (truth) cells.push(map.truth || !has ? "" : signed(error, 2));
+    const cells = [soft(map.label), has ? number(map.layers.height[cell], group.digits) : "outside", has && map.layers.sigma ? number(map.layers.sigma[cell], 3) : ""];
+    if (truth) cells.push(map.truth || !has ? "" : signed(error, group.digits));
     return node("tr", k === chosen ? { class: "chosen" } : {}, ...cells.map((text, c) => node(c ? "td" : "th", c ? {} : { scope: "row" }, text)));
   });
   return node("table", { class: "small" }, node("thead", {}, node("tr", {}, ...head.map((t) => node("th", { scope: "col" }, t)))), node("tbody", {}, ...body));
