@@ -159,6 +159,8 @@ class Outline:
     """The part's boundary as dominant points in the part frame: (N, 2) u, v in m, counter-clockwise, not repeated.
 
     `sigma_m` (N,) is the standard deviation of each vertex (0: unknown); `margin_m` says how far it was enlarged.
+    `viewpoint_m` (3,) is where the camera was, in the part frame: a point off the plane w = 0 belongs to the part when
+    it is seen inside the outline from there (None: seen along w).
     """
 
     vertices_m: FloatArray
@@ -166,9 +168,12 @@ class Outline:
     margin_m: float = 0.0
     sigma_m: FloatArray = field(default_factory=lambda: np.zeros(0))
     holes_m: tuple[FloatArray, ...] = ()
+    viewpoint_m: FloatArray | None = None
 
     def __post_init__(self) -> None:
         _own(self, np.float64, vertices_m=(None, 2))
+        if self.viewpoint_m is not None:
+            _own(self, np.float64, viewpoint_m=(3,))
         if len(self.vertices_m) < 3:
             raise DataError(f"an outline needs at least 3 vertices, this one has {len(self.vertices_m)}")
         if not np.all(np.isfinite(self.vertices_m)):
@@ -300,7 +305,9 @@ class JointState:
 class Sweep:
     """The readings of one stop: S readings in columns, with the pose of each sensor as reached (world frame).
 
-    `sensor` (S,) indexes the specs of the scan; a sensor may be missing. `axis` (S, 3) has unit length.
+    `sensor` (S,) indexes the specs of the scan; a sensor may be missing. `axis` (S, 3) has unit length. `spread_m` (S,)
+    is the scatter of the pings behind each reading, `sigma_m` (S,) the standard deviation of the reading where the log
+    states one, else nan: then the spec's holds.
     """
 
     stop: int
@@ -316,9 +323,12 @@ class Sweep:
     spread_m: FloatArray
     count: IntArray
     joints_rad: FloatArray = field(default_factory=lambda: np.zeros(0))
+    sigma_m: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         s = len(self.sensor)
+        if not np.size(self.sigma_m):
+            object.__setattr__(self, "sigma_m", np.full(s, np.nan))
         _own(
             self,
             np.float64,
@@ -328,6 +338,7 @@ class Sweep:
             range_m=(s,),
             amplitude=(s,),
             spread_m=(s,),
+            sigma_m=(s,),
         )
         _own(self, np.int64, sensor=(s,), status=(s,), count=(s,))
         _own(self, np.float64, joints_rad=(None,))
@@ -396,7 +407,8 @@ class Readings:
             range_m=self.range_m[rows],
             status=self.status[rows],
             amplitude=self.amplitude[rows],
-            spread_m=self.sigma_m[rows],
+            spread_m=np.full(rows.stop - rows.start, np.nan),
+            sigma_m=self.sigma_m[rows],
             count=self.count[rows],
         )
 
@@ -420,7 +432,7 @@ def readings_from_sweeps(specs: tuple[SensorSpec, ...], sweeps: list[Sweep]) -> 
         range_m=column("range_m"),
         status=integers("status"),
         amplitude=column("amplitude"),
-        sigma_m=column("spread_m"),
+        sigma_m=column("sigma_m"),
         count=integers("count"),
         start=np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)]),
         stop=np.array([sweep.stop for sweep in sweeps], dtype=np.int64),

@@ -34,7 +34,7 @@ class SceneSettings(Section):
 
     name: str = Field("relief", description="flat, tilted, relief, or the path of a mesh file (STL, PLY, OBJ)")
     azimuth_deg: float = Field(35.0, ge=-180.0, le=180.0, description="direction of the part, seen from the arm")
-    radius_m: float = Field(1.05, gt=0.2, le=3.0, description="distance of the part's front from the first axis")
+    radius_m: float = Field(1.12, gt=0.2, le=3.0, description="distance of the part's front from the first axis")
     yaw_deg: float = Field(0.0, ge=-180.0, le=180.0, description="turn about the vertical, added to the scene's own")
     tilt_deg: float = Field(0.0, ge=-90.0, le=90.0, description="lean away from the arm")
     scale: float = Field(1.0, gt=0.0, description="factor on a mesh file's numbers (0.001 for millimetres)")

@@ -84,7 +84,7 @@ def scan_of_sweep(sweep: Sweep) -> ScanColumns:
         np.ascontiguousarray(sweep.sensor),
         np.ascontiguousarray(sweep.position_m),
         np.ascontiguousarray(sweep.axis),
-        np.ascontiguousarray(sweep.spread_m),
+        np.ascontiguousarray(sweep.sigma_m),
         _read_only((0, len(sweep.sensor))),
         _read_only((sweep.row,)),
         np.ascontiguousarray(sweep.world_from_grip)[np.newaxis],

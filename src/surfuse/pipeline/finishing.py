@@ -67,7 +67,7 @@ def finish(
     watcher.stage("map")
     grid = lattice(plan.uv_m, scene.world_from_part, plan.step_m)
     result = method.finish(state, grid)
-    surface = surface_of(result, grid, method.name, plan.outline)
+    surface = surface_of(result, grid, method.name, scene.outline)
     nc.write(run.surface, surface, overwrite=True, points=result.points)
     gaps = int((result.points.gap != int(Gap.NONE)).sum())
     rows = []

@@ -24,6 +24,7 @@ float64 margin_m
 float64[] sigma_m
 int64[] hole_size
 float64[] hole_vertices_m
+float64[] viewpoint_m
 """
 
 _SENSOR = """string name
@@ -36,6 +37,7 @@ float64 incidence_limit_rad
 float64 firing_time_s
 float64 frequency_hz
 float64 aperture_m
+float64 dead_length_m
 """
 
 

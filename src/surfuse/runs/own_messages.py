@@ -103,6 +103,7 @@ def outline_message(outline: Outline) -> Message:
         "sigma_m": _flat(outline.sigma_m),
         "hole_size": [len(hole) for hole in outline.holes_m],
         "hole_vertices_m": [x for hole in outline.holes_m for x in _flat(hole)],
+        "viewpoint_m": [] if outline.viewpoint_m is None else _flat(outline.viewpoint_m),
     }
 
 
@@ -110,12 +111,14 @@ def outline_record(message: Decoded) -> Outline:
     """Inverse of `outline_message`."""
     ends = np.cumsum(_ints(message, "hole_size"))
     vertices = _floats(message, "hole_vertices_m", -1, 2)
+    viewpoint = _floats(message, "viewpoint_m")
     return Outline(
         vertices_m=_floats(message, "vertices_m", -1, 2),
         world_from_part=_floats(message, "world_from_part", 4, 4),
         margin_m=_number(message, "margin_m"),
         sigma_m=_floats(message, "sigma_m"),
         holes_m=tuple(np.split(vertices, ends[:-1])) if len(ends) else (),
+        viewpoint_m=viewpoint if len(viewpoint) else None,
     )
 
 
@@ -131,6 +134,7 @@ def _sensor_message(spec: SensorSpec) -> Message:
         "firing_time_s": spec.firing_time_s,
         "frequency_hz": math.nan if spec.frequency_hz is None else spec.frequency_hz,
         "aperture_m": math.nan if spec.aperture_m is None else spec.aperture_m,
+        "dead_length_m": spec.dead_length_m,
     }
 
 
@@ -147,6 +151,7 @@ def _sensor_record(message: Decoded) -> SensorSpec:
         firing_time_s=_number(message, "firing_time_s"),
         frequency_hz=None if math.isnan(frequency) else frequency,
         aperture_m=None if math.isnan(aperture) else aperture,
+        dead_length_m=_number(message, "dead_length_m"),
     )
 
 

@@ -29,6 +29,7 @@ _SENSOR_KEYS = (
     "frequency_hz",
     "aperture_m",
     "incidence_limit_deg",
+    "dead_length_m",
     "firing_time_s",
 )
 
@@ -76,6 +77,7 @@ def _spec(name: str, table: Mapping[str, object], where: str) -> SensorSpec:
         firing_time_s=number(table, "firing_time_s", where, 0.05),
         frequency_hz=optional.get("frequency_hz"),
         aperture_m=optional.get("aperture_m"),
+        dead_length_m=number(table, "dead_length_m", where, 0.0),
     )
 
 
@@ -164,6 +166,8 @@ def sensors_toml(specs: tuple[SensorSpec, ...]) -> str:
             lines.append(f"frequency_hz = {float(spec.frequency_hz)!r}")
         if spec.aperture_m is not None:
             lines.append(f"aperture_m = {float(spec.aperture_m)!r}")
+        if spec.dead_length_m > 0.0:
+            lines.append(f"dead_length_m = {float(spec.dead_length_m)!r}")
         blocks.append("\n".join(lines) + "\n")
     return "\n".join(blocks)
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from surfuse.geometry.poses import frame_from_axes
+from surfuse.geometry.poses import frame_from_axes, inverse, transform_points
 from surfuse.records import CameraFrame, Detection, FloatArray, IntArray, Outline
 from surfuse.vision.distance import Distance, ProjectionSigmas
 from surfuse.vision.foot import cut_below, foot_points
@@ -39,13 +39,15 @@ def project_outline(
     origin = frame.world_from_camera[:3, 3] + distance.distance_m * (forward + aside * rightwards(forward))
     origin[2] = table_height_m
     order = _counter_clockwise(corners)
+    world_from_part = frame_from_axes(origin, rightwards(forward), np.array([0.0, 0.0, 1.0]))
     return Outline(
         vertices_m=distance.distance_m * corners[order],
-        world_from_part=frame_from_axes(origin, rightwards(forward), np.array([0.0, 0.0, 1.0])),
+        world_from_part=world_from_part,
         sigma_m=_vertex_sigma(frame, ahead[vertices], foot, distance, errors)[order],
         holes_m=tuple(
             distance.distance_m * (on_plane(frame, hole, forward) - [aside, foot]) for hole in detection.holes_px
         ),
+        viewpoint_m=transform_points(inverse(world_from_part), frame.world_from_camera[:3, 3]),
     )
 
 

@@ -145,7 +145,9 @@ def predict_one(
                 foot = np.sqrt(fx * fx + fy * fy + fz * fz)
                 cos_foot = (fx * ax + fy * ay + fz * az) / foot
                 beam_foot = lookup(directivity, np.arccos(min(1.0, max(0.0, cos_foot))) / angle_step)
-                delay = rim_delay(beam_foot / max(focus, 0.7), threshold, rise)
+                # Beside a rim half of the first Fresnel zone is missing.
+                whole = 0.62 if rim[j, i] else 1.0
+                delay = rim_delay(whole * beam_foot / max(focus, 0.7), threshold, rise)
                 arrival = foot + delay
                 way, slope = 1, -1.0 / n
             if rim[j, i]:

@@ -31,11 +31,15 @@ def tables_of(scene: FusionScene, stations: Stations, detector: DetectorModel) -
     return tuple(beam_table(spec, typical, detector) for spec in kinds(scene.specs))
 
 
-def cell_size(scene: FusionScene, step_m: float) -> float:
+def cell_size(scene: FusionScene, grid: MapGrid, step_m: float) -> float:
     """Side (m) of the coarse cells: the stations' spacing, not below what the waves resolve."""
     wave = [SPEED_OF_SOUND_M_S / (s.frequency_hz or 50e3) for s in scene.specs]
     finest = max(SMALLEST_CELL_M, CELLS_A_WAVELENGTH * float(np.median(wave)))
-    return max(finest, step_m) if np.isfinite(step_m) else finest
+    wanted = max(finest, step_m) if np.isfinite(step_m) else finest
+    steps = np.concatenate([np.diff(grid.u_m), np.diff(grid.v_m)])
+    node = float(np.median(steps)) if len(steps) else wanted
+    # Cells that share their nodes with the map need no resampling.
+    return node * max(1, round(wanted / node)) if wanted > 0.75 * node else node / max(1, round(node / wanted))
 
 
 def domain_of(scene: FusionScene, raster: Raster, grid: MapGrid, heard_m: FloatArray, reach_m: float) -> BoolArray:
@@ -73,7 +77,7 @@ def estimate_map(
     if len(stations) == 0:
         return empty_map(grid)
     tables = tables_of(scene, stations, detector)
-    g = cell_size(scene, step)
+    g = cell_size(scene, grid, step)
     heard = stations.foot_m
     typical = float(np.median(stations.range_m))
     reach_m = max(2.0 * g, typical * float(np.tan(max(t.half_angle_rad for t in tables))))

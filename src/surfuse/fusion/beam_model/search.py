@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from surfuse.fusion.beam_model.orphans import reattached
 from surfuse.fusion.beam_model.plate import Stiffness, factor, log_determinant, solve
 from surfuse.fusion.beam_model.problem import Arrivals, Problem, arrivals, misfit, pulls
 from surfuse.records import FloatArray
@@ -77,4 +78,7 @@ def find(p: Problem, start: FloatArray, name: str, stiffness: Stiffness, tempers
     """Descend from a start and score what is found."""
     width = crease(p, stiffness)
     height, heard = descend(p, start, stiffness, width, tempers_m)
+    again = reattached(p, height, heard, width)
+    if again is not height:
+        height, heard = descend(p, again, stiffness, width, tempers_m[-3:])
     return Solution(height, heard, stiffness, width, evidence(p, height, heard, stiffness), name)

@@ -6,13 +6,16 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from surfuse.fusion.beam_model.echo import LEVELS
-from surfuse.fusion.beam_model.problem import TYPICAL, Problem, free_space
+from surfuse.fusion.beam_model.problem import TYPICAL, Problem, arrivals, free_space, misfit
 from surfuse.fusion.beam_model.surfels import Surfels
 from surfuse.records import BoolArray, FloatArray, IntArray
 
 CLEAR_ECHO = float(np.log(10.0))
 AMBIGUITY_M = 0.001
 NEAREST = 16
+# Steps (1/m) of the search for the curvatures of a quadric, coarse to fine.
+CURVATURE_STEPS = (2.5, 1.0, 0.5)
+QUADRIC_TEMPER_M = 0.002
 
 
 def over_part(p: Problem, points_m: FloatArray) -> BoolArray:
@@ -46,6 +49,38 @@ def plane(p: Problem, points_m: FloatArray) -> FloatArray:
         scale = 1.4826 * float(np.median(np.abs(error))) + 1e-4
         weight = 1.0 / (1.0 + (error / scale) ** 2)
     return np.asarray(fit[0] * (uu - centre[0]) + fit[1] * (vv - centre[1]) + fit[2], dtype=np.float64)
+
+
+def quadric(p: Problem, points_m: FloatArray) -> FloatArray:
+    """Best of many quadrics (R, C) by the likelihood of all readings: curvatures on a grid, the plane fitted to each."""
+    u, v = p.raster.nodes()
+    uu, vv = np.meshgrid(u, v)
+    uc, vc = float(np.mean(uu[p.raster.domain])), float(np.mean(vv[p.raster.domain]))
+
+    def bowl(a: float, b: float, c: float) -> FloatArray:
+        bend = 0.5 * a * (uu - uc) ** 2 + b * (uu - uc) * (vv - vc) + 0.5 * c * (vv - vc) ** 2
+        lift = (0.5 * a * (points_m[:, 0] - uc) ** 2 + b * (points_m[:, 0] - uc) * (points_m[:, 1] - vc)
+                + 0.5 * c * (points_m[:, 1] - vc) ** 2)  # fmt: skip
+        rest = np.column_stack([points_m[:, :2], points_m[:, 2] - lift])
+        return np.asarray(plane(p, rest) + bend)
+
+    def cost(a: float, b: float, c: float) -> float:
+        height = bowl(a, b, c)
+        return float(np.sum(misfit(p, arrivals(p, height, 0.004), QUADRIC_TEMPER_M)))
+
+    best = (0.0, 0.0, 0.0)
+    lowest = cost(*best)
+    for step in CURVATURE_STEPS:
+        span = (-2, -1, 0, 1, 2) if step == CURVATURE_STEPS[0] else (-1, 0, 1)
+        centre = best
+        for da in span:
+            for db in (-1, 0, 1):
+                for dc in span:
+                    trial = (centre[0] + da * step, centre[1] + db * step, centre[2] + dc * step)
+                    value = cost(*trial) if trial != centre else lowest
+                    if value < lowest:
+                        best, lowest = trial, value
+    return bowl(*best)
 
 
 def speckle_shift(p: Problem) -> FloatArray:
