@@ -33,18 +33,10 @@ def overrides(assignments: list[str] | None, method: str | None, seed: int | Non
 
 def print_json(result: object) -> None:
     """Print one JSON document; numbers that JSON lacks become null."""
-    json.dump(_plain(result), sys.stdout, indent=2, allow_nan=False)
+    from surfuse.pipeline.outcome import finite
+
+    json.dump(finite(result), sys.stdout, indent=2, allow_nan=False)
     print()
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, float):
-        return value if value - value == 0.0 else None
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value if isinstance(value, str | int | bool | None) else str(value)
 
 
 def print_table(rows: list[tuple[str, str]]) -> None:

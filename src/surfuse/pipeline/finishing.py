@@ -11,7 +11,7 @@ from surfuse import __version__
 from surfuse.cell import Cell, Truth
 from surfuse.exporters import nc
 from surfuse.interfaces import FusionMethod
-from surfuse.pipeline.outcome import Outcome, Watcher
+from surfuse.pipeline.outcome import Outcome, Watcher, finite
 from surfuse.pipeline.reporting import write_report
 from surfuse.pipeline.scoring import edge_m, score_data, score_rows
 from surfuse.records import FusionResult, FusionScene, Gap, MapGrid, Outline, ScanPlan, SurfaceMap, Sweep
@@ -79,7 +79,7 @@ def finish(
         ("gaps", f"{gaps} stops without a value"),
         ("robot time", f"{robot_s:.0f} s"),
     ]
-    run.write_text(run.summary, json.dumps(_finite(data), indent=2) + "\n")
+    run.write_text(run.summary, json.dumps(finite(data), indent=2) + "\n")
     watcher.stage("report")
     write_report(run, run.report, overwrite=True)
     return Finished(data, rows, complete=True)
@@ -110,10 +110,3 @@ def outcome_of(finished: Finished, run: RunFolder, began: float) -> Outcome:
     if not finished.complete:
         return Outcome(summary, [*rows, ("go on with", f"surfuse resume {run.path}")], complete=False)
     return Outcome({**summary, "report": str(run.report)}, [*rows, ("report", str(run.report))])
-
-
-def _finite(data: dict[str, object]) -> dict[str, object]:
-    """JSON has no nan: what is not finite becomes null."""
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in data.items()
-    }

@@ -42,3 +42,14 @@ class SilentWatcher:
     def stop_requested(self) -> bool:
         """Never."""
         return False
+
+
+def finite(value: object) -> object:
+    """Plain data as JSON can hold it: numbers that are not finite become null, keys and other objects text."""
+    if isinstance(value, float):
+        return value if value - value == 0.0 else None
+    if isinstance(value, dict):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return value if isinstance(value, str | int | bool | None) else str(value)

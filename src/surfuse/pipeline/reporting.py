@@ -11,9 +11,10 @@ import numpy as np
 
 from surfuse import __version__, durable
 from surfuse.arms import puma560
-from surfuse.errors import DataError
+from surfuse.errors import DataError, SurfuseError
 from surfuse.exporters import nc
 from surfuse.geometry.poses import pose
+from surfuse.pipeline.logs import open_log
 from surfuse.pipeline.map_files import NATIVE, map_path, read_map
 from surfuse.pipeline.outcome import Outcome
 from surfuse.pipeline.scoring import edge_m
@@ -35,6 +36,7 @@ from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_files import segment_paths
 from surfuse.runs.log_reader import read_log
 from surfuse.runs.log_records import Level, RunLog
+from surfuse.runs.scan_log import ScanLog
 from surfuse.settings import Settings, from_tree
 from surfuse.surface.compare import score
 from surfuse.surface.splines import spline_surface
@@ -58,9 +60,9 @@ def report(path: Path, file: Path | None, overwrite: bool) -> Outcome:
     return Outcome({"report": str(target)}, [("report", str(target))])
 
 
-def write_report(run: RunFolder, target: Path, overwrite: bool = False) -> None:
+def write_report(run: RunFolder, target: Path, overwrite: bool = False, scan: ScanLog | None = None) -> None:
     """Render the page of a run and write it at once or not at all."""
-    durable.write_text(target, render_report(content_of(run)), overwrite=overwrite)
+    durable.write_text(target, render_report(content_of(run, scan)), overwrite=overwrite)
 
 
 def view(path: Path, port: int) -> None:
@@ -76,19 +78,25 @@ def _map_alone(path: Path) -> ReportContent:
     return ReportContent(title=path.name, maps=(NamedMap("surface", read_map(path)),))
 
 
-def content_of(run: RunFolder) -> ReportContent:
-    """Everything of a run folder that the page can show."""
+def content_of(run: RunFolder, scan: ScanLog | None = None) -> ReportContent:
+    """Everything of a run folder that the page can show.
+
+    A fused run has no log of its own: `scan` is the one that it was made from (default: read again from where it was,
+    if it is still there).
+    """
     surface, points = nc.read(run.surface), nc.read_points(run.surface)
     settings = _settings(run)
     log = read_log(run.path) if run.log.is_dir() and segment_paths(run.log) else None
-    readings = log.readings() if log is not None and log.sweeps else None
+    if log is None and scan is None:
+        scan = _source(run)
+    readings = log.readings() if log is not None and log.sweeps else scan.readings if scan is not None else None
     data = json.loads(run.summary.read_text("utf-8")) if run.summary.is_file() else {}
     spline = spline_surface(surface)
     truth = _truth(run, surface)
-    name = settings.scene.name if settings and log else run.path.name
+    name = settings.scene.name if settings and log else run.path.resolve().name
     return ReportContent(
         title=f"Surface of '{Path(name).name}'",
-        scene=Path(name).name,
+        scene=Path(name).name if log else "",
         method=surface.method,
         made=f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
         version=__version__,
@@ -104,9 +112,28 @@ def content_of(run: RunFolder) -> ReportContent:
         arm_m=_skeleton(log, readings, settings),
         scenery=_scenery(settings) if log else (),
         scores=_scores(run, surface, spline),
-        events=_events(log),
+        events=_events(log) if log is not None else _notes(scan),
         configuration_toml=run.configuration.read_text("utf-8") if run.configuration.is_file() else "",
     )
+
+
+def _source(run: RunFolder) -> ScanLog | None:
+    """The log that a fused run was made from, if it is still there and can be read."""
+    if not run.configuration.is_file():
+        return None
+    source = read_configuration(run.configuration)[0].get("source")
+    path = source.get("log") if isinstance(source, dict) else None
+    if not isinstance(path, str) or not Path(path).exists():
+        return None
+    try:
+        return open_log(Path(path))
+    except SurfuseError:
+        # The report of the map does not depend on the log, which may have been changed since.
+        return None
+
+
+def _notes(scan: ScanLog | None) -> tuple[Event, ...]:
+    return tuple(Event(warning, "warning") for warning in scan.warnings) if scan is not None else ()
 
 
 def _settings(run: RunFolder) -> Settings | None:

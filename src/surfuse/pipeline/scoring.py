@@ -61,10 +61,13 @@ def score_rows(found: Score) -> list[tuple[str, str]]:
 
 def edge_m(surface: SurfaceMap, vertices_m: FloatArray, triangles: IntArray) -> float:
     """Mean signed error of a step's position along v, against a truth mesh; nan where truth has no step."""
-    truth = truth_around(vertices_m, triangles, refined(surface.grid, _EDGE_REFINEMENT))
-    if not has_step(truth):
-        return float("nan")
-    return edge_error(surface, truth, "v").bias_m
+    return edge_of(surface, truth_around(vertices_m, triangles, refined(surface.grid, _EDGE_REFINEMENT)))
+
+
+def edge_of(surface: SurfaceMap, truth: SurfaceMap) -> float:
+    """The same against a truth map in the part frame of the surface; nan in any other frame."""
+    same = np.allclose(truth.grid.world_from_part, surface.grid.world_from_part, rtol=0.0, atol=1e-9)
+    return edge_error(surface, truth, "v").bias_m if same and has_step(truth) else float("nan")
 
 
 def has_step(truth: SurfaceMap) -> bool:

@@ -1,0 +1,17 @@
+"""Giving maps to other programs, and naming what is plugged in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from surfuse.pipeline.map_files import format_of, read_map
+from surfuse.pipeline.outcome import Outcome
+
+
+def export(surface_path: Path, file: Path, overwrite: bool) -> Outcome:
+    """Write a map in the format of the file's suffix; an existing file is kept unless asked."""
+    chosen = format_of(file)
+    surface = read_map(surface_path)
+    chosen.write(file, surface, overwrite=overwrite)
+    size = file.stat().st_size
+    return Outcome({"file": str(file), "bytes": size}, [("written", f"{file} ({size} bytes): {chosen.SUMMARY}")])

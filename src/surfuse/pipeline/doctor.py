@@ -1,0 +1,75 @@
+"""What is installed, connected, reachable and calibrated, without moving anything."""
+
+from __future__ import annotations
+
+import importlib.util
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from surfuse import __version__, registry, settings
+from surfuse.cell import Cell
+from surfuse.errors import SurfuseError
+from surfuse.pipeline.outcome import Outcome, SilentWatcher
+from surfuse.pipeline.steps import locate, plan_for
+from surfuse.twin import build_cell
+
+_CORE = ("numpy", "scipy", "numba", "embreex", "trimesh", "opencv-python-headless", "mcap", "h5netcdf", "viser")
+_EXTRAS = {"sdfio": "surface", "x3pio": "surface", "serial": "serial", "gpiozero": "gpio", "mujoco": "dynamics"}
+
+Check = tuple[str, str, bool]
+
+
+def doctor(cell: Path | None, assignments: list[str]) -> Outcome:
+    """Check the installation, the configuration and, in the twin, whether the whole part can be scanned."""
+    checks = [("surfuse", f"{__version__}, Python {platform.python_version()}", True), *_packages(), *_plug_ins()]
+    checks += _cell(cell, assignments)
+    rows = [(name, text if good else f"PROBLEM: {text}") for name, text, good in checks]
+    problems = [name for name, _, good in checks if not good]
+    rows.append(("result", f"{len(problems)} problems: {', '.join(problems)}" if problems else "all is well"))
+    data: dict[str, object] = {name: {"text": text, "good": good} for name, text, good in checks}
+    return Outcome({"checks": data, "problems": problems}, rows)
+
+
+def _packages() -> list[Check]:
+    found: list[Check] = []
+    for name in _CORE:
+        try:
+            found.append((name, version(name), True))
+        except PackageNotFoundError:
+            found.append((name, f"not installed; pip install {name}", False))
+    for module, extra in _EXTRAS.items():
+        there = importlib.util.find_spec(module) is not None
+        found.append(
+            (module, "installed" if there else f"not installed; pip install 'surfuse[{extra}]' if needed", True)
+        )
+    return found
+
+
+def _plug_ins() -> list[Check]:
+    return [(kind, ", ".join(registry.names(kind)), True) for kind in registry.KINDS]
+
+
+def _cell(cell: Path | None, assignments: list[str]) -> list[Check]:
+    """Configuration, part and reach; each step needs the one before."""
+    try:
+        chosen = settings.load(cell, assignments)
+        built = build_cell(chosen)
+    except SurfuseError as error:
+        return [("configuration", str(error), False)]
+    checks: list[Check] = [("configuration", f"scene '{chosen.scene.name}', method '{chosen.fusion.method}'", True)]
+    with built.opened():
+        try:
+            return checks + _reach(built, chosen)
+        except SurfuseError as error:
+            return [*checks, ("cell", str(error), False)]
+
+
+def _reach(built: Cell, chosen: settings.Settings) -> list[Check]:
+    part = locate(built, chosen, SilentWatcher())
+    plan = plan_for(built, chosen, part.outline, SilentWatcher())
+    size = 1e3 * (part.outline.vertices_m.max(axis=0) - part.outline.vertices_m.min(axis=0))
+    return [
+        ("camera", f"sees a part of {size[0]:.0f} x {size[1]:.0f} mm after {part.pictures} pictures", True),
+        ("reach", f"{len(plan)} of {len(plan) + len(plan.skipped)} stops can be visited", True),
+    ]
