@@ -27,6 +27,9 @@ SPECS = tuple(
         sigma_m=0.001,
         frequency_hz=63000.0 if i else None,
         aperture_m=None if i else 0.04,
+        incidence_limit_rad=0.4 + i / 7,
+        firing_time_s=0.06,
+        dead_length_m=i / 13,
     )
     for i, name in enumerate(("us0", "us 1", "us-1", "links oben"))
 )
@@ -38,6 +41,7 @@ def outline(margin_m: float = 0.0) -> Outline:
         vertices_m=[[-0.1 / 3, 0.0], [0.1, 1e-17], [0.1, 0.2], [-0.1, np.pi / 15]],
         world_from_part=pose(rotation_about([1, 2, 3], 0.3), [1.1, 0.0, 1.0]),
         margin_m=margin_m,
+        viewpoint_m=None if margin_m else [0.1, 1 / 3, 1.7],
         sigma_m=[0.001, 0.002, 0.003, 1 / 3],
         holes_m=(np.array([[0.0, 0.1], [0.01, 0.1], [0.0, 0.11]]), np.array([[0.05, 0.1], [0.06, 0.1], [0.05, 0.12]])),
     )
@@ -98,6 +102,7 @@ def sweep(stop: int, seed: int = 0) -> Sweep:
         spread_m=np.where(rng.uniform(size=s) < 0.5, np.nan, rng.uniform(size=s)),
         count=rng.integers(0, 9, s),
         joints_rad=rng.normal(size=6),
+        sigma_m=np.where(rng.uniform(size=s) < 0.5, np.nan, rng.uniform(size=s)),
     )
 
 

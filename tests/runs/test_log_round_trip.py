@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from surfuse.errors import DataError, StorageError
+from surfuse.records import CameraFrame, CameraModel, FusionScene, Outline, ScanPlan, SensorSpec, Sweep
 from surfuse.runs import log_writer
+from surfuse.runs import own_messages as own
 from surfuse.runs.log_reader import is_own_log, read_log
 from surfuse.runs.log_records import Damage, Level, LogEvent
 from surfuse.runs.log_writer import LogWriter
@@ -42,12 +46,27 @@ def test_every_record_reads_back_bit_by_bit(tmp_path, scans):
         assert log.events[1].level is Level.WARN
 
 
+def test_the_log_has_a_place_for_every_field_of_the_records(scans):
+    """A record that grows must not lose its new field on disk."""
+    outline_names = {"hole_size", "hole_vertices_m"}
+    assert set(own.sweep_message(scans.sweep(0))) == {field.name for field in fields(Sweep)}
+    assert set(own.outline_message(scans.outline())) - outline_names == {f.name for f in fields(Outline)} - {"holes_m"}
+    sensor = own.scene_message(scans.scene())["sensors"][0]
+    assert set(sensor) == {field.name for field in fields(SensorSpec)}
+    skipped = {"skipped_uv_m", "skipped_reason", "joints"}
+    assert set(own.plan_message(scans.plan())) - skipped == {f.name for f in fields(ScanPlan)} - {"skipped"}
+    scene = {"format_version", "sensors"}
+    assert set(own.scene_message(scans.scene())) - scene == {f.name for f in fields(FusionScene)} - {"specs"}
+    view = set(own.view_message(scans.frame())) | {"image", "camera"}
+    assert view == {f.name for f in (*fields(CameraFrame), *fields(CameraModel))}
+
+
 def test_readings_of_the_log_are_those_of_its_sweeps(tmp_path, scans):
     write(tmp_path / "log", scans, range(20))
     readings = read_log(tmp_path).readings()
     for stop in range(20):
         back = readings.sweep(stop)
-        for name in ("t_s", "sensor", "position_m", "axis", "range_m", "status", "amplitude", "spread_m", "count"):
+        for name in ("t_s", "sensor", "position_m", "axis", "range_m", "status", "amplitude", "sigma_m", "count"):
             assert scans.same(getattr(back, name), getattr(scans.sweep(stop), name)), name
 
 

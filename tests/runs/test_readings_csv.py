@@ -15,6 +15,7 @@ from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FusionScene, Outline, SensorSpec, Status
 from surfuse.runs.readings_csv import read_readings_csv, write_readings_csv
 from surfuse.runs.scan_log import require_echoes
+from surfuse.runs.side_files import read_sensors, sensors_toml
 
 HEADER = "t,sensor,px,py,pz,ax,ay,az,range_m"
 SENSORS = "".join(
@@ -372,7 +373,7 @@ def test_export_and_import_are_inverse_to_the_last_bit(tmp_path):
 
 
 def test_odd_sensor_names_survive_export(tmp_path):
-    spec = SensorSpec('a "b", ü=[c].d', "tof", 0.0, 4.0, math.radians(25.0), 0.01)
+    spec = SensorSpec('a "b", ü=[c].d', "tof", 0.0, 4.0, math.radians(25.0), 0.01, dead_length_m=1 / 3)
     (tmp_path / "in").mkdir()
     path = folder(tmp_path / "in", text(["0,x,0,0,0,0,0,1,0.5"]).replace("x,0", '"a ""b"", ü=[c].d",0'), sensors="")
     scan = read_readings_csv(path)
@@ -459,3 +460,9 @@ def test_the_scans_of_the_independent_simulator_read():
         assert scan.warnings == ()
         assert scan.outline is not None
         assert int(scan.readings.row.max()) + 1 == 25
+
+
+def test_sensor_specifications_survive_their_file(tmp_path, scans):
+    path = tmp_path / "sensors.toml"
+    path.write_text(sensors_toml(scans.SPECS), encoding="utf-8")
+    assert read_sensors(path) == scans.SPECS

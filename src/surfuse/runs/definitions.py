@@ -74,6 +74,7 @@ float64[] amplitude
 float64[] spread_m
 int64[] count
 float64[] joints_rad
+float64[] sigma_m
 """,
 )
 

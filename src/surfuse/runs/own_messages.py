@@ -72,6 +72,7 @@ def sweep_message(sweep: Sweep) -> Message:
         "spread_m": _flat(sweep.spread_m),
         "count": _whole(sweep.count),
         "joints_rad": _flat(sweep.joints_rad),
+        "sigma_m": _flat(sweep.sigma_m),
     }
 
 
@@ -91,6 +92,7 @@ def sweep_record(message: Decoded) -> Sweep:
         spread_m=_floats(message, "spread_m"),
         count=_ints(message, "count"),
         joints_rad=_floats(message, "joints_rad"),
+        sigma_m=_floats(message, "sigma_m"),
     )
 
 

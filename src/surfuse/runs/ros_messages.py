@@ -101,8 +101,8 @@ def sweep_transforms(sweep: Sweep, specs: tuple[SensorSpec, ...]) -> Message:
 
 def range_message(sweep: Sweep, i: int, spec: SensorSpec) -> Message:
     """Reading i of a sweep as sensor_msgs/Range (Jazzy: with variance)."""
-    spread = float(sweep.spread_m[i])
-    sigma = spread if math.isfinite(spread) and spread > 0.0 else spec.sigma_m
+    own = float(sweep.sigma_m[i])
+    sigma = own if math.isfinite(own) and own > 0.0 else spec.sigma_m
     return {
         "header": _header(float(sweep.t_s[i]), spec.name),
         "radiation_type": 0 if spec.kind.lower().startswith(("ultra", "sonar", "polaroid")) else 1,

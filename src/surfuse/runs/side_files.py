@@ -166,8 +166,6 @@ def sensors_toml(specs: tuple[SensorSpec, ...]) -> str:
             lines.append(f"frequency_hz = {float(spec.frequency_hz)!r}")
         if spec.aperture_m is not None:
             lines.append(f"aperture_m = {float(spec.aperture_m)!r}")
-        if spec.dead_length_m > 0.0:
-            lines.append(f"dead_length_m = {float(spec.dead_length_m)!r}")
         blocks.append("\n".join(lines) + "\n")
     return "\n".join(blocks)
 
