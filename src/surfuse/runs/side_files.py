@@ -162,6 +162,8 @@ def sensors_toml(specs: tuple[SensorSpec, ...]) -> str:
             f"incidence_limit_deg = {_degrees(spec.incidence_limit_rad)!r}",
             f"firing_time_s = {float(spec.firing_time_s)!r}",
         ]
+        if spec.dead_length_m > 0.0:
+            lines.append(f"dead_length_m = {float(spec.dead_length_m)!r}")
         if spec.frequency_hz is not None:
             lines.append(f"frequency_hz = {float(spec.frequency_hz)!r}")
         if spec.aperture_m is not None:
