@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from surfuse.errors import ConfigError, DeviceError
 from surfuse.records import Status
 from surfuse.sensors.maxbotix import MODELS, SPEC, Parameters, Parser, create
+from surfuse.sensors.serial_line.ranger import SerialRanger
 
 
 def feed(model, data):
@@ -129,13 +130,14 @@ def terminal():
 class Talker(threading.Thread):
     """Sends lines for ever, each a number higher, as a free-running sensor does."""
 
-    def __init__(self, controller, pause_s=0.01):
+    def __init__(self, controller, pause_s=0.01, step=1):
         super().__init__(daemon=True)
-        self.controller, self.pause_s, self.stop, self.number = controller, pause_s, threading.Event(), 1000
+        self.controller, self.pause_s, self.step = controller, pause_s, step
+        self.stop, self.number = threading.Event(), 1000
 
     def run(self):
         while not self.stop.wait(self.pause_s):
-            self.number += 1
+            self.number += self.step
             os.write(self.controller, b"R%04d\r" % self.number)
 
 
@@ -154,6 +156,44 @@ def test_the_driver_reads_a_line_that_is_younger_than_the_call(terminal):
     assert round(echo.range_m * 1000) > before
     assert start_s <= echo.t_s <= time.monotonic()
     assert echo.count == 1
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ([500, 777, 500, 3500, 501], None),
+        ([500, 777, 778], 0.778),
+        ([500, 300, 300], -math.inf),
+        ([500, 300, 777, 5000, 790, 777], 0.777),
+    ],
+)
+def test_lines_without_a_sum_count_when_two_in_a_row_agree(lines, expected):
+    class Played(SerialRanger):
+        def __enter__(self):
+            self._line = object()
+            return self
+
+        def __exit__(self, kind, error, trace): ...
+
+        def _read(self, line, *, fresh):
+            return b"R%04d\r" % lines.pop(0) if lines and not fresh else b""
+
+    with Played(SPEC, Parser(MODELS["hrxl-5m"]), "", 9600, 0.05, time.monotonic, 0.03) as sensor:
+        echo = sensor.fire()
+    if expected is None:
+        assert echo.status is Status.FAULT
+    else:
+        assert echo.range_m == expected
+
+
+def test_any_line_counts_when_agreement_is_not_asked_for(terminal):
+    controller, port = terminal
+    talker = Talker(controller, step=100)
+    with create(Parameters(port, "hrxl-5m", 5.0, agreement_m=math.inf)) as sensor:
+        talker.start()
+        assert sensor.fire().status is Status.OK
+        talker.stop.set()
+    talker.join()
 
 
 def test_a_silent_sensor_is_a_fault(terminal):
@@ -196,5 +236,7 @@ def test_the_model_is_not_optional():
         Parameters("/dev/ttyUSB0")
     with pytest.raises(ConfigError, match="did you mean 'hrxl-5m'"):
         Parameters("/dev/ttyUSB0", "hrxl5m")
+    with pytest.raises(ConfigError, match="agreement_m"):
+        Parameters("/dev/ttyUSB0", "xl", agreement_m=math.nan)
     with pytest.raises(ConfigError, match="timeout_s"):
         Parameters("/dev/ttyUSB0", "xl", timeout_s=0.0)

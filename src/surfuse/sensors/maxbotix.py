@@ -1,11 +1,13 @@
 r"""MaxBotix rangers on a serial line: `R1234\r` in mm, cm or inches, which only the model tells.
 
 The lines carry no check sum. A reading counts only as `R`, exactly the digits of the model, and `\r`; after damage the
-parser begins anew at the next `R`. Sources: HRXL-MaxSonar-WR, XL-MaxSonar and USB-ProxSonar data sheets.
+parser begins anew at the next `R`; the driver asks for two lines that agree. Sources: HRXL-MaxSonar-WR, XL-MaxSonar
+and USB-ProxSonar data sheets.
 """
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from collections.abc import Callable
@@ -66,18 +68,23 @@ class Parameters:
 
     port : serial port.
     model : `hrxl-5m` (MB7360...), `hrxl-10m` (MB7363...), `xl` (MB12xx, cm), `lv` (MB10xx, inches), `usb` (MB14xx).
-    timeout_s : wait for two lines.
+    timeout_s : wait for three lines.
+    agreement_m : without a check sum a damaged digit is another digit, so two lines in a row must agree so closely;
+        inf takes any line, which is faster by a third.
     """
 
     port: str
     model: str
-    timeout_s: float = 0.6
+    timeout_s: float = 1.0
+    agreement_m: float = 0.03
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
             raise ConfigError(f"maxbotix model = '{self.model}'", cure=nearest(self.model, MODELS))
         if not 0.0 < self.timeout_s <= 60.0:
             raise ConfigError(f"timeout_s = {self.timeout_s}", cure="give more than 0 and at most 60 s")
+        if not self.agreement_m >= 0.0:
+            raise ConfigError(f"agreement_m = {self.agreement_m}", cure="give 0 or more, or inf to take any line")
 
 
 class Parser:
@@ -120,4 +127,6 @@ class Parser:
 def create(parameters: Parameters, now_s: Callable[[], float] = time.monotonic) -> SerialRanger:
     """A MaxBotix ranger on a serial port."""
     model = MODELS[parameters.model]
-    return SerialRanger(model.spec, Parser(model), parameters.port, model.baud_bps, parameters.timeout_s, now_s)
+    agreement_m = None if math.isinf(parameters.agreement_m) else parameters.agreement_m
+    line = parameters.port, model.baud_bps, parameters.timeout_s
+    return SerialRanger(model.spec, Parser(model), *line, now_s, agreement_m)

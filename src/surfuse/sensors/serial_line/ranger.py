@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 
 from surfuse.errors import ConfigError, DeviceError
 from surfuse.records import Echo, SensorSpec, Status
-from surfuse.sensors.serial_line.frames import LineParser
+from surfuse.sensors.serial_line.frames import LineParser, LineReading
 
 if TYPE_CHECKING:
     from serial import Serial
@@ -29,6 +29,7 @@ class SerialRanger:
     baud_bps : speed of the line; 8 data bits, no parity, 1 stop bit.
     timeout_s : how long `fire` waits for whole frames; then the reading is a fault.
     now_s : time of the echoes.
+    agreement_m : for lines without a check sum, two readings in a row must agree so closely; None: one is enough.
     """
 
     def __init__(
@@ -39,9 +40,10 @@ class SerialRanger:
         baud_bps: int,
         timeout_s: float,
         now_s: Callable[[], float] = time.monotonic,
+        agreement_m: float | None = None,
     ) -> None:
         self._spec, self._parser, self._port, self._baud_bps = spec, parser, port, baud_bps
-        self._timeout_s, self._now_s = timeout_s, now_s
+        self._timeout_s, self._now_s, self._agreement_m = timeout_s, now_s, agreement_m
         self._line: Serial | None = None
 
     def __enter__(self) -> Self:
@@ -89,18 +91,24 @@ class SerialRanger:
         start_s = self._now_s()
         give_up_s = time.monotonic() + self._timeout_s
         previous_s: float | None = None
+        candidate: LineReading | None = None
         self._read(self._line, fresh=True)
         self._parser.reset()
         while time.monotonic() < give_up_s:
             readings = self._parser.feed(self._read(self._line, fresh=False))
-            arrival_s = self._now_s()
-            if readings and previous_s is not None:
-                found = readings[0]
-                count = 1 if found.status is Status.OK else 0
-                return Echo(found.range_m, found.status, previous_s, found.amplitude, count=count)
-            if readings:
-                previous_s = arrival_s
+            # Readings that come together cannot be told apart in age: the last one stands for them.
+            for reading in readings[-1:]:
+                if previous_s is not None and (self._agreement_m is None or self._agrees(candidate, reading)):
+                    count = 1 if reading.status is Status.OK else 0
+                    return Echo(reading.range_m, reading.status, previous_s, reading.amplitude, count=count)
+                candidate = None if previous_s is None else reading
+                previous_s = self._now_s()
         return Echo(math.nan, Status.FAULT, start_s, count=0)
+
+    def _agrees(self, one: LineReading | None, two: LineReading) -> bool:
+        if one is None or self._agreement_m is None or one.status is not two.status:
+            return False
+        return two.status is not Status.OK or abs(one.range_m - two.range_m) <= self._agreement_m
 
     def _read(self, line: Serial, *, fresh: bool) -> bytes:
         """What has come, waiting a little; `fresh`: throw away what has come."""
