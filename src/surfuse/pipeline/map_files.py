@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 from surfuse import registry
-from surfuse.errors import DataError, StorageError, UsageError, nearest
+from surfuse.errors import ConfigError, DataError, StorageError, UsageError, nearest
 from surfuse.records import SurfaceMap
 
 NATIVE = "surface.nc"
@@ -18,12 +18,19 @@ def format_of(path: Path) -> ModuleType:
     Raises
     ------
     UsageError : no format has that suffix.
+    ConfigError : the format needs a package that is not installed.
     """
     suffixes: dict[str, str] = {}
-    for name in registry.names("exporters"):
-        module = registry.load("exporters", name)
-        suffixes.update(dict.fromkeys(module.SUFFIXES, name))
     suffix = path.suffix.lower()
+    for name in registry.names("exporters"):
+        try:
+            module = registry.load("exporters", name)
+        except ConfigError:
+            # Its package is not installed: that matters only to who asks for this format.
+            if suffix == f".{name}":
+                raise
+            continue
+        suffixes.update(dict.fromkeys(module.SUFFIXES, name))
     if suffix not in suffixes:
         raise UsageError(f"'{path.name}': no map format has the suffix '{suffix}'", cure=nearest(suffix, suffixes))
     return registry.load("exporters", suffixes[suffix])
