@@ -65,7 +65,7 @@ def finish(
     if not complete:
         return Finished(data, [("stops done", f"{len(sweeps)} of {len(plan)}")], complete=False)
     watcher.stage("map")
-    grid = lattice(plan.uv_m, scene.world_from_part, plan.step_m)
+    grid = lattice(plan.uv_m, scene.world_from_part)
     result = method.finish(state, grid)
     surface = surface_of(result, grid, method.name, scene.outline)
     nc.write(run.surface, surface, overwrite=True, points=result.points)

@@ -53,4 +53,5 @@ def _from_mcap(path: Path) -> ScanLog:
         outline=log.scene.outline,
         depth_max_m=log.scene.depth_max_m,
         warnings=tuple(f"{damage.segment}: {damage.text}" for damage in log.damage),
+        targets_uv_m=None if log.plan is None else log.plan.uv_m,
     )

@@ -117,6 +117,8 @@ def fused(scan: ScanLog, method: FusionMethod, grid: MapGrid) -> tuple[FusionRes
 
 def grid_of(scan: ScanLog) -> MapGrid:
     """The grid on which the scan's stops lie, in its part frame."""
+    if scan.targets_uv_m is not None:
+        return lattice(scan.targets_uv_m, scan.world_from_part)
     stops = transform_points(inverse(scan.world_from_part), scan.readings.world_from_grip[:, :3, 3])
     return lattice(stops[:, :2], scan.world_from_part)
 

@@ -17,7 +17,8 @@ class ScanLog:
     """A scan as read from a log of any kind.
 
     `world_from_part` (4, 4) is the given part frame, or an estimate when `frame_estimated`. `warnings` are sentences
-    for the user about everything that was repaired, assumed or left out.
+    for the user about everything that was repaired, assumed or left out. `targets_uv_m` (M, 2) is where the plan of
+    the scan wanted its stops, in the part frame (None: no plan is known).
     """
 
     readings: Readings
@@ -26,6 +27,7 @@ class ScanLog:
     outline: Outline | None = None
     depth_max_m: float = float("inf")
     warnings: tuple[str, ...] = ()
+    targets_uv_m: FloatArray | None = None
 
     def scene(self) -> FusionScene:
         """What a fusion method gets before the first reading."""
