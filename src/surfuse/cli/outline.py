@@ -9,11 +9,15 @@ import typer
 
 from surfuse.cli import _options as options
 
-HELP = """Outline the largest part of a picture by dominant points, in millimetres.
+HELP = """Outline the largest part of a picture by dominant points.
+
+The CSV file has columns u,v in metres: u to the right, v up, origin in the lower left corner of the bounding box.
+With --all it also has columns part and ring: ring 0 is the outer boundary, the others are holes.
 
 \b
-Example:
+Examples:
     surfuse outline photo.png --scale 0.5 --out outline.csv
+    surfuse outline coins.png --scale 0.2 --out coins.csv --all
 """
 
 
@@ -29,11 +33,15 @@ def outline(
     tolerance: Annotated[
         float, typer.Option("--tolerance", help="How far the outline may cut a corner, pixels.", min=0.1)
     ] = 1.5,
+    all_parts: Annotated[
+        bool, typer.Option("--all", help="All parts with their holes, not the largest alone.")
+    ] = False,
+    cut: Annotated[bool, typer.Option("--cut", help="Allow parts that the border of the picture cuts.")] = False,
     force: options.Force = False,
     as_json: options.Json = False,
 ) -> int:
     """Outline."""
-    from surfuse import pipeline
+    from surfuse.pipeline import pictures
 
-    outcome = pipeline.outline(image, scale, out, tolerance, force)
+    outcome = pictures.outline(image, scale, out, tolerance, force, all_parts, cut)
     return options.show(outcome.summary, outcome.table, as_json, quiet=False)

@@ -15,6 +15,7 @@ HELP = """Threshold a picture by one or all of the four methods.
 Examples:
     surfuse threshold photo.png
     surfuse threshold photo.png --method all --mask truth.png --json
+    surfuse threshold photo.png --out methods.png
 """
 
 
@@ -29,10 +30,17 @@ def threshold(
         str, typer.Option("--method", help="otsu, maximum_entropy, uniform_error, minimum_error, all.")
     ] = "all",
     mask: Annotated[Path | None, typer.Option("--mask", help="Reference mask: non-zero is the part.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="PNG file: picture, histogram and foregrounds side by side.")
+    ] = None,
+    polarity: Annotated[
+        str, typer.Option("--polarity", help="Parts are bright, dark, or (auto) unlike the picture's rim.")
+    ] = "auto",
+    force: options.Force = False,
     as_json: options.Json = False,
 ) -> int:
     """Threshold."""
-    from surfuse import pipeline
+    from surfuse.pipeline import pictures
 
-    outcome = pipeline.threshold(image, method, mask)
+    outcome = pictures.threshold(image, method, mask, out, polarity, force)
     return options.show(outcome.summary, outcome.table, as_json, quiet=False)

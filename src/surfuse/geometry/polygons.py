@@ -91,7 +91,7 @@ def is_simple(polygon: npt.ArrayLike) -> bool:
         return False
     for i in range(n - 1):
         others = np.arange(i + 2, n if i > 0 else n - 1)
-        if np.any(_segments_meet(start[i], end[i], start[others], end[others])):
+        if np.any(segments_meet(start[i], end[i], start[others], end[others])):
             return False
     return not bool(np.any(_folds_back(start)))
 
@@ -103,7 +103,7 @@ def _folds_back(start: FloatArray) -> BoolArray:
     return result
 
 
-def _segments_meet(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> BoolArray:
+def segments_meet(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> BoolArray:
     """Whether the segment from a to b (2,) meets each segment from c to d (M, 2), touching included."""
 
     def side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:

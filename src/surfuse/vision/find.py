@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -13,10 +12,10 @@ from surfuse.errors import ConfigError, nearest
 from surfuse.records import BoolArray, ByteArray, CameraFrame, Detection, FloatArray
 from surfuse.vision.boundary import Boundary, refine, trace
 from surfuse.vision.flatten import flattened
+from surfuse.vision.polarity import POLARITIES, Polarity, parts_are_bright
 from surfuse.vision.table import TableRing, foot_rows
 from surfuse.vision.threshold import METHODS, Threshold, otsu, threshold
 
-Polarity = Literal["auto", "bright", "dark"]
 _MIDDLE = 128.0
 _DIVISIONS = 4
 
@@ -51,8 +50,8 @@ class FindParameters:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise ConfigError(f"unknown threshold method '{self.method}'", cure=nearest(self.method, METHODS))
-        if self.polarity not in ("auto", "bright", "dark"):
-            raise ConfigError(f"polarity = '{self.polarity}'", cure=nearest(self.polarity, ("auto", "bright", "dark")))
+        if self.polarity not in POLARITIES:
+            raise ConfigError(f"polarity = '{self.polarity}'", cure=nearest(self.polarity, POLARITIES))
         for name in ("separability_min", "edge_share_min"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ConfigError(f"{name} = {getattr(self, name)}", cure="give a share between 0 and 1")
@@ -119,7 +118,7 @@ def _divided(
     """
     divided = threshold(even, chosen.method)
     accepted: list[Detection] = []
-    bright = _bright(even > divided.level, chosen.polarity)
+    bright = parts_are_bright(even > divided.level, chosen.polarity)
     for _ in range(_DIVISIONS):
         mask = even > divided.level if bright else even <= divided.level
         if divided.separability >= chosen.separability_min:
@@ -164,14 +163,6 @@ def _detection(smooth: ByteArray, region: Boundary, bright: bool, divided: Thres
         confidence=float(edge[inside].mean()) if np.any(inside) else 0.0,
         holes_px=tuple(refine(smooth, hole, bright, contrast_min)[0] for hole in region.holes_px),
     )
-
-
-def _bright(above: BoolArray, polarity: Polarity) -> bool:
-    """Whether parts are the bright class: with `auto`, when most of the picture's rim is dark."""
-    if polarity != "auto":
-        return polarity == "bright"
-    rim = np.concatenate([above[0], above[-1], above[1:-1, 0], above[1:-1, -1]])
-    return bool(rim.mean() <= 0.5)
 
 
 def _runs_through(detection: Detection, width_px: int) -> bool:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from surfuse.errors import DataError
+from surfuse.geometry.untangling import untangled
 from surfuse.records import CameraFrame, Detection, Outline
 from surfuse.vision.distance import Distance, ProjectionSigmas, ShoulderRange, measure_distance
 from surfuse.vision.dominant_points import DominantPointParameters, DominantPoints, dominant_points
@@ -31,9 +33,15 @@ def outline_part(
 
     Raises
     ------
-    DataError : the distance is unknown, or the contour has fewer than 3 points.
+    DataError : the distance is unknown, or the contour has fewer than 3 points or no area.
     """
     points = dominant_points(detection.contour_px, dominant, row_scale=frame.camera.fx_px / frame.camera.fy_px)
-    distance = measure_distance(frame, detection.contour_px, points.indices, table_height_m, shoulder, sigmas)
-    outline = project_outline(frame, detection, points.indices, distance, table_height_m, sigmas)
+    vertices = points.indices[untangled(points.points_px)]
+    if len(vertices) < 3:
+        raise DataError(
+            f"the outline of {len(points.indices)} dominant points crosses itself and leaves no area",
+            cure="give a smaller tolerance, or a sharper picture",
+        )
+    distance = measure_distance(frame, detection.contour_px, vertices, table_height_m, shoulder, sigmas)
+    outline = project_outline(frame, detection, vertices, distance, table_height_m, sigmas)
     return PartOutline(outline, points, distance)

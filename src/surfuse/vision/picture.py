@@ -68,22 +68,25 @@ def grey(picture: npt.NDArray[np.generic]) -> ByteArray:
     return luma if values.shape[2] == 3 else _on_contrast(luma, values[:, :, 3])
 
 
-def _check_size(width: int, height: int) -> None:
+def _check_size(width: int, height: int, where: str = "") -> None:
     if min(width, height) < SIDE_MIN_PX:
         raise DataError(
-            f"a picture of {width} x {height} pixels is too small", cure=f"give at least {SIDE_MIN_PX} on a side"
+            f"a picture of {width} x {height} pixels is too small",
+            cure=f"give at least {SIDE_MIN_PX} on a side",
+            where=where,
         )
     if width * height > PIXELS_MAX:
         raise DataError(
             f"a picture of {width} x {height} pixels is larger than {PIXELS_MAX // 1_000_000} Mpx",
             cure="crop it or scale it down",
+            where=where,
         )
 
 
 def _check_ends(content: bytes, where: str) -> None:
     """Refuse files that are cut short (decoders fill them up with grey), and absurd sizes, before decoding."""
     if content.startswith(_PNG) and len(content) >= 24:
-        _check_size(int.from_bytes(content[16:20], "big"), int.from_bytes(content[20:24], "big"))
+        _check_size(int.from_bytes(content[16:20], "big"), int.from_bytes(content[20:24], "big"), where)
     cut = (content.startswith(_PNG) and _PNG_END not in content[-64:]) or (
         content.startswith(_JPEG) and _JPEG_END not in content[-1024:]
     )
