@@ -7,7 +7,6 @@ from datetime import datetime
 from pathlib import Path
 
 from surfuse.cell import Cell
-from surfuse.errors import DataError
 from surfuse.interfaces import FusionMethod
 from surfuse.pipeline.finishing import Finished, finish, outcome_of
 from surfuse.pipeline.methods import create_method
@@ -18,7 +17,7 @@ from surfuse.runs.configuration import read_configuration, write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
 from surfuse.runs.log_writer import LogWriter
-from surfuse.runs.progress import read_progress
+from surfuse.runs.progress import ScanProgress, read_progress
 from surfuse.settings import Settings, from_tree
 from surfuse.twin import build_cell
 
@@ -47,9 +46,7 @@ def resume(path: Path, watcher: Watcher) -> Outcome:
     StorageError : another process is writing in it.
     """
     began = time.perf_counter()
-    run = RunFolder(path)
-    if not run.configuration.is_file():
-        raise DataError("no run.toml: nothing was begun here", cure="use 'surfuse acquire'", where=str(path))
+    run = RunFolder.open(path, need_log=False)
     tables, seed = read_configuration(run.configuration)
     settings = from_tree({**tables, "seed": seed}, str(run.configuration))
     method, cell = create_method(settings.fusion), build_cell(settings)
@@ -60,20 +57,22 @@ def resume(path: Path, watcher: Watcher) -> Outcome:
 def _acquire(run: RunFolder, settings: Settings, cell: Cell, method: FusionMethod, watcher: Watcher) -> Finished:
     for warning in cell.warnings:
         watcher.warn(warning)
+    # Read before the writer opens: opening gives a killed segment its missing end.
+    progress = read_progress(run.path)
     with cell.opened(), LogWriter(run.log) as log:
-        scene, plan, done = _begin(run, settings, cell, log, watcher)
+        scene, plan, done = _begin(progress, settings, cell, log, watcher)
         go_to_start(cell, settings, plan.outline, plan, len(done))
         state, sweeps, finished = walk(cell, plan, scene, method, done, log, watcher)
     return finish(run, settings, method, state, scene, plan, sweeps, cell, watcher, complete=finished)
 
 
 def _begin(
-    run: RunFolder, settings: Settings, cell: Cell, log: LogWriter, watcher: Watcher
+    progress: ScanProgress | None, settings: Settings, cell: Cell, log: LogWriter, watcher: Watcher
 ) -> tuple[FusionScene, ScanPlan, tuple[Sweep, ...]]:
     """Scene, plan and what is scanned already: from the log of an interrupted run, else by looking."""
-    progress = read_progress(run.path)
     if progress is not None:
         log.append_scene(progress.scene)
+        log.append_plan(progress.plan)
         if progress.done:
             cell.clock.advance(max(float(sweep.t_s.max()) for sweep in progress.done))
         log.append_event(LogEvent(cell.clock.now_s(), Level.INFO, "resume", f"{len(progress.left)} stops are left"))

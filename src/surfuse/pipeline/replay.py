@@ -17,7 +17,6 @@ from surfuse.geometry.poses import inverse, transform_points
 from surfuse.interfaces import FusionMethod
 from surfuse.pipeline.acquisition import default_folder
 from surfuse.pipeline.finishing import surface_of
-from surfuse.pipeline.logs import open_log
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, Watcher
 from surfuse.pipeline.reporting import write_report
@@ -26,6 +25,7 @@ from surfuse.records import FusionResult, Gap, MapGrid, SurfaceMap
 from surfuse.runs.configuration import write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import ScanLog, require_echoes
+from surfuse.runs.scan_source import load_scan
 from surfuse.settings import FusionSettings, load
 from surfuse.surface.compare import score
 from surfuse.surface.gridding import lattice
@@ -126,7 +126,7 @@ def grid_of(scan: ScanLog) -> MapGrid:
 def _opened(
     log: Path, watcher: Watcher, sensors: Path | None = None, frame: Path | None = None, outline: Path | None = None
 ) -> ScanLog:
-    scan = open_log(log, sensors, frame, outline)
+    scan = load_scan(log, sensors, frame, outline)
     for warning in scan.warnings:
         watcher.warn(warning)
     require_echoes(scan.readings, str(log))

@@ -14,7 +14,6 @@ from surfuse.arms import puma560
 from surfuse.errors import DataError, SurfuseError
 from surfuse.exporters import nc
 from surfuse.geometry.poses import pose
-from surfuse.pipeline.logs import open_log
 from surfuse.pipeline.map_files import NATIVE, map_path, read_map
 from surfuse.pipeline.outcome import Outcome
 from surfuse.pipeline.scoring import edge_m
@@ -37,6 +36,7 @@ from surfuse.runs.log_files import segment_paths
 from surfuse.runs.log_reader import read_log
 from surfuse.runs.log_records import Level, RunLog
 from surfuse.runs.scan_log import ScanLog
+from surfuse.runs.scan_source import load_scan
 from surfuse.settings import Settings, from_tree
 from surfuse.surface.compare import score
 from surfuse.surface.splines import spline_surface
@@ -126,7 +126,7 @@ def _source(run: RunFolder) -> ScanLog | None:
     if not isinstance(path, str) or not Path(path).exists():
         return None
     try:
-        return open_log(Path(path))
+        return load_scan(Path(path))
     except SurfuseError:
         # The report of the map does not depend on the log, which may have been changed since.
         return None

@@ -12,7 +12,6 @@ from pathlib import Path
 from surfuse import __version__, durable, registry
 from surfuse.errors import SurfuseError
 from surfuse.pipeline.acquisition import acquire, default_folder
-from surfuse.pipeline.logs import open_log
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, Watcher, finite
 from surfuse.pipeline.replay import fused, grid_of
@@ -22,6 +21,7 @@ from surfuse.report.comparison import render_comparison
 from surfuse.report.content import Axis, ComparisonContent, KeyFigure, NamedMap, SceneComparison, ScoreRow
 from surfuse.runs.configuration import configuration_text
 from surfuse.runs.folder import RunFolder
+from surfuse.runs.scan_source import load_scan
 from surfuse.settings import Settings
 from surfuse.surface.compare import score
 from surfuse.surface.splines import spline_surface
@@ -106,7 +106,7 @@ def reproduce(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome
 
 def _compare(experiment: Experiment, path: Path, settings: Settings, watcher: Watcher) -> Compared:
     """All methods on the readings of one run."""
-    scan, run = open_log(path), RunFolder(path)
+    scan, run = load_scan(path), RunFolder(path)
     vertices, triangles = read_mesh(run.truth)
     grid = grid_of(scan)
     truth = truth_around(vertices, triangles, grid)

@@ -12,6 +12,8 @@ from surfuse.runs.log_records import Damage
 from surfuse.runs.readings_csv import read_readings_csv
 from surfuse.runs.scan_log import AssumedSensor, ScanLog
 
+CSV_NAME = "readings.csv"
+
 
 def load_scan(
     path: Path,
@@ -22,11 +24,15 @@ def load_scan(
 ) -> ScanLog:
     """Read the readings, sensors, part frame and outline of a log; the side files are for logs that are not ours.
 
+    A folder that holds a readings.csv means that file.
+
     Raises
     ------
     DataError, ConfigError : not there, not a log, or it cannot be used; the message says why.
     StorageError : a file cannot be read.
     """
+    if (path / CSV_NAME).is_file():
+        path = path / CSV_NAME
     if path.is_file() and path.suffix.lower() in (".csv", ".txt", ".tsv"):
         return read_readings_csv(path, sensors, frame, outline, assumed)
     if path.is_file() and path.suffix.lower() != ".mcap":
@@ -59,4 +65,5 @@ def own_scan(path: Path) -> ScanLog:
         outline=log.scene.outline,
         depth_max_m=log.scene.depth_max_m,
         warnings=notes,
+        targets_uv_m=None if log.plan is None else log.plan.uv_m,
     )
