@@ -1,0 +1,132 @@
+"""Readings gathered at the places that several sensors looked at, and heights between those places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import Delaunay, QhullError, cKDTree
+
+from surfuse.fusion.field_methods.places import nodes_of
+from surfuse.records import BoolArray, FloatArray, IntArray, MapGrid
+
+MAD_TO_SIGMA = 1.4826
+"""Median absolute deviation of a normal distribution, as a factor to its standard deviation."""
+
+INSIDE = 1e-6
+"""A node that lies outside of a triangle by this share of it lies on its rim."""
+
+
+@dataclass(frozen=True)
+class Sites:
+    """K places: `uv_m` (K, 2), `height_m`, `sigma_m`, `count` (K,)."""
+
+    uv_m: FloatArray
+    height_m: FloatArray
+    sigma_m: FloatArray
+    count: IntArray
+
+    def __len__(self) -> int:
+        return len(self.height_m)
+
+
+def groups(uv_m: FloatArray, pitch_m: float) -> IntArray:
+    """Number (N,) of the square cell of side `pitch_m` that each point (N, 2) lies in; nan or 0: one cell a place.
+
+    The cells are centred where most points lie within a cell (circular mean of their phase), so that the points of a
+    lattice, and their scatter, fall into the middle of cells.
+    """
+    pitch = pitch_m if np.isfinite(pitch_m) and pitch_m > 0.0 else 1e-6
+    phase = np.angle(np.mean(np.exp(2j * np.pi * uv_m / pitch), axis=0)) * pitch / (2.0 * np.pi)
+    cell = np.round((uv_m - phase) / pitch).astype(np.int64)
+    _, number = np.unique(cell, axis=0, return_inverse=True)
+    return np.asarray(number, dtype=np.int64).ravel()
+
+
+def summed(values: FloatArray, group: IntArray, n: int) -> FloatArray:
+    """Sum of values (N,) over each of n groups."""
+    return np.bincount(group, weights=values, minlength=n).astype(np.float64, copy=False)
+
+
+def medians(values: FloatArray, group: IntArray, n: int) -> FloatArray:
+    """Median of values (N,) over each of n groups, none of them empty."""
+    ordered = values[np.lexsort((values, group))]
+    size = np.bincount(group, minlength=n)
+    first = np.cumsum(size) - size
+    return np.asarray(0.5 * (ordered[first + (size - 1) // 2] + ordered[first + size // 2]), dtype=np.float64)
+
+
+def median_sites(points_m: FloatArray, sigma_m: FloatArray, pitch_m: float) -> Sites:
+    """Median height of the points (N, 3) of each cell.
+
+    Its sigma is the larger of the readings' own and of their scatter (median absolute deviation), taken to the median
+    by pi / 2 in variance (its large-sample efficiency) once there are three.
+    """
+    group = groups(points_m[:, :2], pitch_m)
+    n = int(group.max(initial=-1)) + 1
+    count = np.bincount(group, minlength=n)
+    height = medians(points_m[:, 2], group, n)
+    scatter = MAD_TO_SIGMA * medians(np.abs(points_m[:, 2] - height[group]), group, n)
+    own = np.sqrt(summed(sigma_m**2, group, n) / count)
+    inflation = np.where(count >= 3, np.pi / 2.0, 1.0)
+    sigma = np.maximum(own, scatter) * np.sqrt(inflation / count)
+    return Sites(_centres(points_m, group, count), height, sigma, count)
+
+
+def mean_sites(points_m: FloatArray, sigma_m: FloatArray, pitch_m: float) -> Sites:
+    """Mean height of the points (N, 3) of each cell, with the larger of internal and external error (Birge 1932)."""
+    group = groups(points_m[:, :2], pitch_m)
+    n = int(group.max(initial=-1)) + 1
+    count = np.bincount(group, minlength=n)
+    height = summed(points_m[:, 2], group, n) / count
+    internal = summed(sigma_m**2, group, n) / count**2
+    squares = summed((points_m[:, 2] - height[group]) ** 2, group, n)
+    external = squares / (count * np.maximum(count - 1, 1))
+    return Sites(_centres(points_m, group, count), height, np.sqrt(np.maximum(internal, external)), count)
+
+
+def _centres(points_m: FloatArray, group: IntArray, count: IntArray) -> FloatArray:
+    n = len(count)
+    return np.column_stack([summed(points_m[:, k], group, n) / count for k in (0, 1)])
+
+
+Gather = Callable[[FloatArray, FloatArray, float], Sites]
+
+
+def between(sites: Sites, grid: MapGrid, wanted: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Height and sigma (R, C) at the wanted nodes: linear in the Delaunay triangle of sites around each node.
+
+    A wanted node outside of all triangles (the rim, a single line of sites) takes its nearest site. Other nodes are
+    nan. A plane is met exactly inside the triangles. The caller decides which nodes are near enough to a site.
+    """
+    height, sigma = np.full(grid.shape, np.nan), np.full(grid.shape, np.nan)
+    if len(sites) == 0 or not np.any(wanted):
+        return height, sigma
+    nodes = nodes_of(grid)[wanted.ravel()]
+    corner, weight = _corners(sites.uv_m, nodes)
+    height[wanted] = np.sum(weight * sites.height_m[corner], axis=1)
+    sigma[wanted] = np.sqrt(np.sum((weight * sites.sigma_m[corner]) ** 2, axis=1))
+    return height, sigma
+
+
+def _corners(uv: FloatArray, nodes: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Three sites and their weights (Q, 3) for each node (Q, 2)."""
+    _, nearest = cKDTree(uv).query(nodes)
+    corner = np.repeat(np.asarray(nearest, dtype=np.int64)[:, None], 3, axis=1)
+    weight = np.tile([1.0, 0.0, 0.0], (len(nodes), 1))
+    if len(uv) < 3:
+        return corner, weight
+    try:
+        mesh = Delaunay(uv - uv.mean(axis=0))
+    except QhullError:
+        # Sites on one line span no triangle.
+        return corner, weight
+    at = nodes - uv.mean(axis=0)
+    triangle = mesh.find_simplex(at, tol=INSIDE)
+    frame = mesh.transform[triangle]
+    share = np.einsum("qij,qj->qi", frame[:, :2], at - frame[:, 2])
+    inside = (triangle >= 0) & np.all(np.isfinite(share), axis=1)
+    corner[inside] = mesh.simplices[triangle[inside]]
+    weight[inside] = np.column_stack([share, 1.0 - share.sum(axis=1)])[inside]
+    return corner, weight
