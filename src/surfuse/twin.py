@@ -77,7 +77,8 @@ def build_cell(settings: Settings) -> Cell:
         return placed
 
     def on_grip(index: int) -> FloatArray:
-        return arm.true_tool_pose() @ fixture.grip_from_sensor[index]
+        placed: FloatArray = arm.true_tool_pose() @ fixture.grip_from_sensor[index]
+        return placed
 
     sensors = tuple(
         simulated_sensor.create(spec, world, partial(on_grip, index), clock, settings.array.pings)

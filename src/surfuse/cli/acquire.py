@@ -35,13 +35,14 @@ def acquire(
     quiet: options.Quiet = False,
 ) -> int:
     """Run the main job."""
-    from surfuse import pipeline, settings
+    from surfuse import settings
     from surfuse.cli._progress import TerminalWatcher
+    from surfuse.pipeline import acquisition
 
     texts = options.overrides(assignments, method, seed)
     if scene is not None:
         texts.append(f"scene.name={options.toml_string(scene)}")
     configuration = settings.load(cell, texts)
     with TerminalWatcher(quiet or as_json) as watcher:
-        outcome = pipeline.acquire(configuration, out, watcher)
+        outcome = acquisition.acquire(configuration, out, watcher)
     return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)

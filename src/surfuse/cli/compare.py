@@ -31,9 +31,9 @@ def compare(
     quiet: options.Quiet = False,
 ) -> int:
     """Compare."""
-    from surfuse import pipeline
     from surfuse.cli._progress import TerminalWatcher
+    from surfuse.pipeline import replay
 
     with TerminalWatcher(quiet or as_json) as watcher:
-        outcome = pipeline.compare(log, truth, out, options.overrides(assignments, None, None), watcher)
+        outcome = replay.compare(log, truth, out, options.overrides(assignments, None, None), watcher)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

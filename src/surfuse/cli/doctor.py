@@ -14,7 +14,7 @@ def register(app: typer.Typer) -> None:
 
 def doctor(cell: options.Cell = None, assignments: options.Set = None, as_json: options.Json = False) -> int:
     """Check."""
-    from surfuse import pipeline
+    from surfuse.pipeline import doctor
 
-    outcome = pipeline.doctor(cell, list(assignments or []))
+    outcome = doctor.doctor(cell, list(assignments or []))
     return options.show(outcome.summary, outcome.table, as_json, quiet=False)

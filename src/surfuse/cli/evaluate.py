@@ -33,7 +33,7 @@ def evaluate(
     quiet: options.Quiet = False,
 ) -> int:
     """Score a map."""
-    from surfuse import pipeline
+    from surfuse.pipeline import scoring
 
-    outcome = pipeline.evaluate(surface, truth, scale)
+    outcome = scoring.evaluate(surface, truth, scale)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

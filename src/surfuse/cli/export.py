@@ -31,7 +31,7 @@ def export(
     quiet: options.Quiet = False,
 ) -> int:
     """Convert."""
-    from surfuse import pipeline
+    from surfuse.pipeline import conversion
 
-    outcome = pipeline.export(surface, file, force)
+    outcome = conversion.export(surface, file, force)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

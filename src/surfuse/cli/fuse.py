@@ -41,11 +41,11 @@ def fuse(
     quiet: options.Quiet = False,
 ) -> int:
     """Fuse a log."""
-    from surfuse import pipeline
     from surfuse.cli._progress import TerminalWatcher
+    from surfuse.pipeline import replay
 
     with TerminalWatcher(quiet or as_json) as watcher:
-        outcome = pipeline.fuse(
+        outcome = replay.fuse(
             log,
             out,
             watcher,

@@ -31,7 +31,7 @@ def report(
     quiet: options.Quiet = False,
 ) -> int:
     """Write the page."""
-    from surfuse import pipeline
+    from surfuse.pipeline import reporting
 
-    outcome = pipeline.report(run, file, force)
+    outcome = reporting.report(run, file, force)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

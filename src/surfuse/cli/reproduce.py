@@ -28,10 +28,11 @@ def reproduce(
     quiet: options.Quiet = False,
 ) -> int:
     """Run the three experiments."""
-    from surfuse import pipeline, settings
+    from surfuse import settings
     from surfuse.cli._progress import TerminalWatcher
+    from surfuse.pipeline import reproduction
 
     configuration = settings.load(cell, options.overrides(assignments, None, seed))
     with TerminalWatcher(quiet or as_json) as watcher:
-        outcome = pipeline.reproduce(configuration, out, watcher)
+        outcome = reproduction.reproduce(configuration, out, watcher)
     return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)

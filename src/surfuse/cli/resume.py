@@ -28,9 +28,9 @@ def resume(
     quiet: options.Quiet = False,
 ) -> int:
     """Finish the run."""
-    from surfuse import pipeline
     from surfuse.cli._progress import TerminalWatcher
+    from surfuse.pipeline import acquisition
 
     with TerminalWatcher(quiet or as_json) as watcher:
-        outcome = pipeline.resume(run, watcher)
+        outcome = acquisition.resume(run, watcher)
     return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)
