@@ -1,0 +1,1 @@
+"""Published parameters of arms beyond their kinematics; no plug-ins."""

@@ -1,0 +1,1 @@
+"""Dynamics of the twin's arm: the plant behind the servo cards."""

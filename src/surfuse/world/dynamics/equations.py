@@ -1,0 +1,181 @@
+"""Equations of motion of a serial arm in world axes: composite bodies for the inertia, Newton and Euler for the rest.
+
+The twin has its own formulas, unlike those of the controllers, so that a mistake in one shows against the other.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from surfuse.geometry.compiled import compiled
+from surfuse.records import FloatArray
+
+
+@compiled
+def motion_terms(
+    d: FloatArray,
+    a: FloatArray,
+    alpha: FloatArray,
+    mass: FloatArray,
+    center: FloatArray,
+    inertia: FloatArray,
+    gravity: float,
+    q: FloatArray,
+    qd: FloatArray,
+    matrix: FloatArray,
+    bias: FloatArray,
+) -> None:
+    """Write inertia (J, J) without motors and bias torques (J,) (Coriolis, centrifugal, gravity) of a state (J,).
+
+    The inertia is that of composite bodies (Walker and Orin, J. Dynamic Systems, Measurement and Control 104(3),
+    1982): column j is the momentum of everything beyond joint j when that joint alone turns at unit speed.
+    """
+    n = q.shape[0]
+    axis = np.empty((n, 3))
+    origin = np.empty((n + 1, 3))
+    place = np.empty((n, 3))
+    spun = np.empty((n, 3, 3))
+    _links(d, a, alpha, center, inertia, q, axis, origin, place, spun)
+    _composite(axis, origin, place, spun, mass, matrix)
+    _bias(axis, origin, place, spun, mass, gravity, qd, bias)
+
+
+@compiled
+def _links(
+    d: FloatArray,
+    a: FloatArray,
+    alpha: FloatArray,
+    center: FloatArray,
+    inertia: FloatArray,
+    q: FloatArray,
+    axis: FloatArray,
+    origin: FloatArray,
+    place: FloatArray,
+    spun: FloatArray,
+) -> None:
+    """Joint axes and origins, centres of gravity and inertias of the links, all in world axes."""
+    turn = np.eye(3)
+    half = np.empty((3, 3))
+    origin[0] = 0.0
+    for j in range(q.shape[0]):
+        cq, sq, ca, sa = math.cos(q[j]), math.sin(q[j]), math.cos(alpha[j]), math.sin(alpha[j])
+        for r in range(3):
+            x, y, z = turn[r, 0], turn[r, 1], turn[r, 2]
+            axis[j, r] = z
+            along, across = x * cq + y * sq, y * cq - x * sq
+            turn[r, 0], turn[r, 1], turn[r, 2] = along, across * ca + z * sa, z * ca - across * sa
+            origin[j + 1, r] = origin[j, r] + a[j] * along + d[j] * z
+        for r in range(3):
+            place[j, r] = (
+                origin[j + 1, r] + turn[r, 0] * center[j, 0] + turn[r, 1] * center[j, 1] + turn[r, 2] * center[j, 2]
+            )
+            for c in range(3):
+                half[r, c] = (
+                    turn[r, 0] * inertia[j, 0, c] + turn[r, 1] * inertia[j, 1, c] + turn[r, 2] * inertia[j, 2, c]
+                )
+        for r in range(3):
+            for c in range(3):
+                spun[j, r, c] = half[r, 0] * turn[c, 0] + half[r, 1] * turn[c, 1] + half[r, 2] * turn[c, 2]
+
+
+@compiled
+def _composite(
+    axis: FloatArray, origin: FloatArray, place: FloatArray, spun: FloatArray, mass: FloatArray, matrix: FloatArray
+) -> None:
+    n = mass.shape[0]
+    total = 0.0
+    first = np.zeros(3)
+    second = np.zeros((3, 3))
+    for step in range(n):
+        j = n - 1 - step
+        m = mass[j]
+        c = place[j]
+        square = c[0] * c[0] + c[1] * c[1] + c[2] * c[2]
+        total += m
+        for r in range(3):
+            first[r] += m * c[r]
+            for k in range(3):
+                second[r, k] += spun[j, r, k] - m * c[r] * c[k]
+            second[r, r] += m * square
+        z, o = axis[j], origin[j]
+        hx, hy, hz = first[0] - total * o[0], first[1] - total * o[1], first[2] - total * o[2]
+        px, py, pz = z[1] * hz - z[2] * hy, z[2] * hx - z[0] * hz, z[0] * hy - z[1] * hx
+        ux, uy, uz = z[1] * o[2] - z[2] * o[1], z[2] * o[0] - z[0] * o[2], z[0] * o[1] - z[1] * o[0]
+        # Angular momentum about the world's origin: second z - first x (z x o).
+        lx = second[0, 0] * z[0] + second[0, 1] * z[1] + second[0, 2] * z[2] - (first[1] * uz - first[2] * uy)
+        ly = second[1, 0] * z[0] + second[1, 1] * z[1] + second[1, 2] * z[2] - (first[2] * ux - first[0] * uz)
+        lz = second[2, 0] * z[0] + second[2, 1] * z[1] + second[2, 2] * z[2] - (first[0] * uy - first[1] * ux)
+        for i in range(j + 1):
+            s, b = axis[i], origin[i]
+            value = s[0] * (lx - b[1] * pz + b[2] * py)
+            value += s[1] * (ly - b[2] * px + b[0] * pz)
+            value += s[2] * (lz - b[0] * py + b[1] * px)
+            matrix[i, j] = value
+            matrix[j, i] = value
+
+
+@compiled
+def _bias(
+    axis: FloatArray,
+    origin: FloatArray,
+    place: FloatArray,
+    spun: FloatArray,
+    mass: FloatArray,
+    gravity: float,
+    qd: FloatArray,
+    bias: FloatArray,
+) -> None:
+    n = mass.shape[0]
+    force = np.empty((n, 3))
+    moment = np.empty((n, 3))
+    w = np.zeros(3)
+    e = np.zeros(3)
+    point = np.array([0.0, 0.0, gravity])
+    there = np.empty(3)
+    for j in range(n):
+        z = axis[j]
+        e[0] += (w[1] * z[2] - w[2] * z[1]) * qd[j]
+        e[1] += (w[2] * z[0] - w[0] * z[2]) * qd[j]
+        e[2] += (w[0] * z[1] - w[1] * z[0]) * qd[j]
+        for r in range(3):
+            w[r] += z[r] * qd[j]
+        _carry(w, e, origin[j], place[j], point, there)
+        h = spun[j]
+        lx = h[0, 0] * w[0] + h[0, 1] * w[1] + h[0, 2] * w[2]
+        ly = h[1, 0] * w[0] + h[1, 1] * w[1] + h[1, 2] * w[2]
+        lz = h[2, 0] * w[0] + h[2, 1] * w[1] + h[2, 2] * w[2]
+        for r in range(3):
+            force[j, r] = mass[j] * there[r]
+            moment[j, r] = h[r, 0] * e[0] + h[r, 1] * e[1] + h[r, 2] * e[2]
+        c = place[j]
+        moment[j, 0] += w[1] * lz - w[2] * ly + c[1] * force[j, 2] - c[2] * force[j, 1]
+        moment[j, 1] += w[2] * lx - w[0] * lz + c[2] * force[j, 0] - c[0] * force[j, 2]
+        moment[j, 2] += w[0] * ly - w[1] * lx + c[0] * force[j, 1] - c[1] * force[j, 0]
+        _carry(w, e, origin[j], origin[j + 1], point, there)
+        for r in range(3):
+            point[r] = there[r]
+    f = np.zeros(3)
+    m = np.zeros(3)
+    for step in range(n):
+        j = n - 1 - step
+        for r in range(3):
+            f[r] += force[j, r]
+            m[r] += moment[j, r]
+        z, o = axis[j], origin[j]
+        bias[j] = z[0] * (m[0] - o[1] * f[2] + o[2] * f[1])
+        bias[j] += z[1] * (m[1] - o[2] * f[0] + o[0] * f[2])
+        bias[j] += z[2] * (m[2] - o[0] * f[1] + o[1] * f[0])
+
+
+@compiled
+def _carry(
+    w: FloatArray, e: FloatArray, start: FloatArray, end: FloatArray, known: FloatArray, out: FloatArray
+) -> None:
+    """Acceleration of a point of a body from that of another: known + e x r + w x (w x r)."""
+    x, y, z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    ux, uy, uz = w[1] * z - w[2] * y, w[2] * x - w[0] * z, w[0] * y - w[1] * x
+    out[0] = known[0] + e[1] * z - e[2] * y + w[1] * uz - w[2] * uy
+    out[1] = known[1] + e[2] * x - e[0] * z + w[2] * ux - w[0] * uz
+    out[2] = known[2] + e[0] * y - e[1] * x + w[0] * uy - w[1] * ux
