@@ -17,6 +17,7 @@ from surfuse.node.messages import KitSettings, NodeState
 from surfuse.node.patience import Patience
 from surfuse.node.responder import NodeIdentity, Responder
 from surfuse.records import Echo, Fixture, SensorSpec, Status
+from surfuse.sensors import polaroid, sequential, simulated
 from surfuse.sensors.can_array import CanArray, Parameters, create
 
 SPEC = SensorSpec("stand-in", "ultrasonic", 0.3, 4.0, 0.3, 0.001)
@@ -101,6 +102,43 @@ def test_the_bus_adds_nothing_but_its_quantisation():
         else:
             assert got.range_m == math.inf
             assert math.isnan(got.amplitude)
+
+
+class Air:
+    """A world in which every ping hears a plate, with noise and now and then nothing."""
+
+    def __init__(self, seed):
+        self.generator = np.random.default_rng(seed)
+
+    def ping(self, world_from_sensor, spec, pings, t_s):
+        ranges = self.generator.normal(0.43, 0.0005, pings)
+        ranges[self.generator.random(pings) < 0.2] = np.inf
+        return ranges, self.generator.uniform(0.1, 1.2, pings)
+
+    def image(self, camera, world_from_camera): ...
+    def repeatability(self, joints): ...
+    def begin(self, stage, index): ...
+
+
+def test_the_simulated_array_gives_the_same_bits_with_and_without_the_bus():
+    def array_of(clock):
+        air = Air(8)
+        return [simulated.create(polaroid.SPEC, air, lambda: np.eye(4), clock) for _ in range(4)]
+
+    fixture = Fixture(np.stack([np.eye(4)] * 4), (polaroid.SPEC,) * 4)
+    with sequential.create(fixture, array_of(SteppedClock())) as array:
+        direct = [echo for _ in range(40) for echo in array.sweep()]
+    clock, bus = SteppedClock(), BusParameters(channel="same_bits")
+    responder = Responder(array_of(clock), clock, NodeIdentity(), Catalogue())
+    node = Node(responder, BusLink(lambda: open_bus(bus), clock, Tally()))
+    with node, create(fixture, Parameters(bus=bus), clock) as array:
+        behind = [echo for _ in range(40) for echo in array.sweep()]
+    for one, two in zip(direct, behind, strict=True):
+        same_bits = (one.range_m, one.status, one.count) == (two.range_m, two.status, two.count)
+        assert same_bits
+        assert one.t_s == pytest.approx(two.t_s, abs=1e-9)
+        for ours, theirs in ((one.amplitude, two.amplitude), (one.spread_m, two.spread_m)):
+            assert ours == theirs or (math.isnan(ours) and math.isnan(theirs))
 
 
 def test_results_do_not_depend_on_the_timing_of_threads():
