@@ -33,3 +33,40 @@ def first_crossings(impulse: FloatArray, burst: int, pole: float, threshold: flo
             peak[k] = max(peak[k], envelope)
             last = envelope
     return crossing, peak
+
+
+@compiled
+def plane_impulse(
+    tilt: float, edge_m: float, range_m: float, wavelength: float, directivity: FloatArray, angle_step: float,
+    patch_m: float, half_m: float, origin_m: float, bin_m: float, bins: int,
+) -> FloatArray:  # fmt: skip
+    """Coherent echo (1, bins, 2) by range of a smooth plane that begins at `edge_m` beside the axis.
+
+    Physical optics: each patch sends cos(incidence) D^2 area 2 / (wavelength range) with the phase of its path; an
+    infinite facing plane then has amplitude 1. `directivity` is two-way over equal steps of the off-axis angle.
+    """
+    echo = np.zeros((1, bins, 2))
+    cos_tilt, sin_tilt = np.cos(tilt), np.sin(tilt)
+    count = int(2.0 * half_m / patch_m)
+    for a in range(count):
+        along = -half_m + (a + 0.5) * patch_m
+        x = along * cos_tilt
+        if x < edge_m:
+            continue
+        depth = range_m - along * sin_tilt
+        for b in range(count // 2):
+            y = (b + 0.5) * patch_m
+            rho = np.sqrt(x * x + y * y + depth * depth)
+            theta = np.arccos(depth / rho) / angle_step
+            k = int(theta)
+            if k >= directivity.shape[0] - 1:
+                continue
+            beam = directivity[k] + (theta - k) * (directivity[k + 1] - directivity[k])
+            incidence = (depth * cos_tilt + x * sin_tilt) / rho
+            amplitude = 2.0 * beam * incidence * patch_m * patch_m * 2.0 / (wavelength * rho)
+            place = int((rho - origin_m) / bin_m)
+            if 0 <= place < bins:
+                phase = 4.0 * np.pi * rho / wavelength
+                echo[0, place, 0] += amplitude * np.cos(phase)
+                echo[0, place, 1] += amplitude * np.sin(phase)
+    return echo

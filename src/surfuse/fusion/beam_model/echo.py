@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import fresnel, j1
 
-from surfuse.fusion.beam_model.crossing import first_crossings
+from surfuse.fusion.beam_model.crossing import first_crossings, plane_impulse
 from surfuse.records import FloatArray, SensorSpec
 
 SPEED_OF_SOUND_M_S = 343.2
@@ -24,7 +24,13 @@ OFF_AXIS = np.radians(np.linspace(0.0, 45.0, 181))
 LEVELS = np.log(np.array([1.0, 1.2, 1.5, 1.9, 2.4, 3.2, 4.5, 7.0]))
 TRIALS = 500
 BIN_M = 0.001
+FINE_BIN_M = 0.0002
+SMOOTH_ANGLES = 13
+# An echo later than this many rise lengths is lost in what follows.
+MOST_LATE = 1.2
 FIRST_NULL = 3.8317
+# Speckle of the strip beside a rim, relative to the rim's own wave, per scattering length in wavelengths.
+RIM_GRAIN = 0.38
 
 
 @dataclass(frozen=True)
@@ -43,15 +49,17 @@ class DetectorModel:
 
 @dataclass(frozen=True)
 class BeamTable:
-    """One sensor's answers: late arrival of mirror-like echoes and rims by off-axis angle, speckle by tilt.
+    """One sensor's answers: mirror-like echoes and rims by off-axis angle, speckle by tilt.
 
-    `directivity` two-way over `OFF_AXIS`; `late_m` (angles,) of a mirror-like echo; `half_angle_rad` the capture
+    Over `OFF_AXIS`: `directivity` two-way; `mirror` and `rim` the amplitudes that explain when a smooth plane of that
+    tilt, and the rim of a facing half plane at that angle, cross the threshold (0: never). `half_angle_rad` the capture
     angle; `wavelength_m`; `speckle_m`, `scatter_m` (tilts, levels + 1) location and scale of range minus axis range,
     the last column for readings without amplitude; `level` (tilts,) the median amplitude.
     """
 
     directivity: FloatArray
-    late_m: FloatArray
+    mirror: FloatArray
+    rim: FloatArray
     speckle_m: FloatArray
     scatter_m: FloatArray
     level: FloatArray
@@ -59,6 +67,7 @@ class BeamTable:
     wavelength_m: float
     threshold: float
     rise_m: float
+    rim_speckle: float
     optical: bool
 
 
@@ -152,6 +161,46 @@ def _speckle(ka: float, wavelength_m: float, rise_m: float, range_m: float, mode
     return location, scale, level
 
 
+def _first(impulse: FloatArray, wavelength_m: float, rise_m: float, model: DetectorModel) -> float:
+    """First crossing (bins) of a coherent echo, nan where there is none."""
+    burst = round(0.5 * model.cycles * wavelength_m / FINE_BIN_M)
+    pole = 1.0 - np.exp(-FINE_BIN_M / rise_m)
+    gain = 1.0 - np.exp(-burst * FINE_BIN_M / rise_m)
+    bins, _ = first_crossings(impulse, burst, pole, model.threshold * gain)
+    return float(bins[0])
+
+
+def _smooth(two_way: FloatArray, wavelength_m: float, rise_m: float, range_m: float, model: DetectorModel,
+            optical: bool) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Equivalent amplitudes of mirror-like echoes and of rims over `OFF_AXIS`, from physical optics of a plane."""
+    mirror, rim = np.zeros(len(OFF_AXIS)), np.zeros(len(OFF_AXIS))
+    if optical:
+        return mirror, rim
+    audible = np.flatnonzero(two_way > model.threshold)
+    widest = float(OFF_AXIS[audible[-1]]) * 1.15
+    angles = np.linspace(0.0, widest, SMOOTH_ANGLES)
+    origin, bins = 0.85 * range_m, round(0.35 * range_m / FINE_BIN_M)
+    half = range_m * float(np.tan(min(2.0 * widest + 0.05, 0.9)))
+    arguments = (range_m, wavelength_m, two_way, float(OFF_AXIS[1]), wavelength_m / 3.5, half, origin, FINE_BIN_M, bins)
+    zero = _first(plane_impulse(0.0, -half, *arguments), wavelength_m, rise_m, model)
+    found = np.zeros((2, len(angles)))
+    for k, angle in enumerate(angles):
+        tilted = _first(plane_impulse(float(angle), -half, *arguments), wavelength_m, rise_m, model)
+        beside = _first(
+            plane_impulse(0.0, range_m * float(np.tan(angle)), *arguments), wavelength_m, rise_m, model
+        )  # fmt: skip
+        found[0, k] = (tilted - zero) * FINE_BIN_M + range_m * (1.0 - np.cos(angle))
+        found[1, k] = (beside - zero) * FINE_BIN_M - range_m * (1.0 / np.cos(angle) - 1.0)
+    late = np.maximum(np.nan_to_num(found, nan=np.inf), 0.0)
+    amplitude = model.threshold / -np.expm1(np.log1p(-model.threshold) - late / rise_m)
+    amplitude = np.where(late < MOST_LATE * rise_m, np.minimum(amplitude, 1.0), 0.0)
+    across = 2.0 * np.tan(angles) * np.sqrt(range_m / wavelength_m) / 2.0
+    wave = half_plane(across, np.ones(1), 1.0)
+    mirror = np.interp(OFF_AXIS, angles, amplitude[0], right=0.0)
+    rim = np.interp(OFF_AXIS, angles, amplitude[1] / wave, right=0.0)
+    return mirror, rim
+
+
 @lru_cache(maxsize=32)
 def beam_table(spec: SensorSpec, range_mm: int, model: DetectorModel) -> BeamTable:
     """Tabulate one sensor at a typical range; missing frequency or aperture follow from the beam angle."""
@@ -162,14 +211,11 @@ def beam_table(spec: SensorSpec, range_mm: int, model: DetectorModel) -> BeamTab
     rise = model.rise_wavelengths * wavelength
     optical = spec.kind.lower() in OPTICAL_KINDS
     two_way = piston(ka, OFF_AXIS) ** 2
-    late = rise_delay(two_way, model.threshold, rise)
-    # Only the main lobe makes a mirror-like arrival that can be told from speckle.
-    end = int(np.argmax(two_way < 2.0 * model.threshold)) if np.any(two_way < 2.0 * model.threshold) else len(late)
-    late[end:] = np.inf
     range_m = 0.001 * range_mm
     shape = (len(TILTS), len(LEVELS) + 1)
     if optical:
         tables = np.zeros(shape), np.full(shape, spec.sigma_m), np.ones(len(TILTS))
     else:
         tables = _speckle(float(ka), wavelength, rise, range_m, model)
-    return BeamTable(two_way, late, *tables, half, wavelength, model.threshold, rise, optical)
+    mirror, rim = _smooth(two_way, wavelength, rise, range_m, model, optical)
+    return BeamTable(two_way, mirror, rim, *tables, half, wavelength, model.threshold, rise, RIM_GRAIN * model.roughness_m / wavelength, optical)

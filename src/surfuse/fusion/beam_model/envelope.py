@@ -13,7 +13,7 @@ from surfuse.records import BoolArray, FloatArray, IntArray
 def carve(
     rows: IntArray, position: FloatArray, axis: FloatArray, range_m: FloatArray, domain: BoolArray,
     u0: float, v0: float, g: float,
-    directivity: FloatArray, diffraction: FloatArray, angle_step: float, diffraction_step: float,
+    rim_wave: FloatArray, diffraction: FloatArray, angle_step: float, diffraction_step: float,
     threshold: float, rise: float, wavelength: float, reach: float, lowest: FloatArray,
 ) -> None:  # fmt: skip
     """Lower the bounds `lowest` (R, C, 2): smallest and second-smallest height above which a cell would have been heard.
@@ -52,9 +52,7 @@ def carve(
                     across = 2.0 * free * sin_theta / np.sqrt(wavelength * free) / diffraction_step
                     theta = np.arccos(min(1.0, cos_theta)) / angle_step
                     # Half of the axis patch answers even when the cell under the axis is a rim.
-                    strength = lookup(directivity, theta) * (
-                        1.0 if sin_theta * free < g else lookup(diffraction, across)
-                    )
+                    strength = lookup(rim_wave, theta) * lookup(diffraction, across)
                     delay = rim_delay(strength, threshold, rise)
                     if delay > 0.2 * r:
                         free = -1.0

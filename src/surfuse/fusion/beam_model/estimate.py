@@ -2,42 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filter
 
+from surfuse.fusion.beam_model.edges import settle
+from surfuse.fusion.beam_model.orphans import reattached
 from surfuse.fusion.beam_model.plate import Stiffness
-from surfuse.fusion.beam_model.problem import Problem, problem, reach
+from surfuse.fusion.beam_model.problem import Problem, arrivals, problem, reach
 from surfuse.fusion.beam_model.raster import Raster, slopes
-from surfuse.fusion.beam_model.search import Solution, find
+from surfuse.fusion.beam_model.search import Solution, evidence, find
 from surfuse.fusion.beam_model.starts import nearest_allowed, plane, quadric, speckle_shift
 from surfuse.fusion.beam_model.surfels import Surfels, find_surfels
-from surfuse.records import FloatArray
+from surfuse.records import BoolArray, FloatArray
 
 # From plates without curvature to free forms: spectral densities of curvature and of its change.
-DENSITIES = (
-    (1e-5, 1e2),
-    (1e-4, 1e2),
-    (1e-3, 1e2),
-    (1e-2, 1e2),
-    (1e-1, 1e2),
-    (1e-1, 1e0),
-    (1e-1, 1e-2),
-)
-SHARP = (0.0005,) * 3 + (0.0,) * 6
-BENT = (0.002,) * 4 + (0.0005,) * 3 + (0.0,) * 6
-ANNEALED = (0.005,) * 4 + (0.002,) * 4 + (0.0005,) * 3 + (0.0,) * 4
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """One explanation that was tried: its start, prior and score (minus log evidence a station)."""
-
-    start: str
-    second: float
-    third: float
-    score: float
+FLAT, STIFF, PLAIN, SOFT, FREE, WAVY, ROUND = (
+    (1e-5, 1e2), (1e-4, 1e2), (1e-3, 1e2), (1e-2, 1e2), (1e-1, 1e2), (1e-1, 1e0), (1e-1, 1e-2),
+)  # fmt: skip
+DENSITIES = (FLAT, STIFF, PLAIN, SOFT, FREE, WAVY, ROUND)
+FROM_PLANE = (FLAT, PLAIN, SOFT, FREE)
+FROM_QUADRIC = (SOFT, FREE, WAVY, ROUND)
+SHARP = (0.0005,) * 2 + (0.0,) * 5
+# How many of the best explanations have their edges moved.
+SETTLED = 3
+BENT = (0.002,) * 3 + (0.0005,) * 2 + (0.0,) * 5
+ANNEALED = (0.005,) * 4 + (0.002,) * 3 + (0.0005,) * 2 + (0.0,) * 4
 
 
 def surfels_of(p: Problem) -> Surfels:
@@ -52,13 +43,25 @@ def explore(p: Problem, surfels: Surfels, edge: float) -> list[Solution]:
     level = plane(p, blurred)
     bent = quadric(p, blurred)
     near = nearest_allowed(p, surfels)
-    found = []
-    for second, third in DENSITIES:
-        stiffness = Stiffness(second, third, edge)
-        found.append(find(p, near, "points", stiffness, SHARP))
-        found.append(find(p, level, "plane", stiffness, ANNEALED))
-        found.append(find(p, bent, "quadric", stiffness, BENT))
-    return sorted(found, key=lambda solution: solution.score)
+    found = [find(p, near, "points", Stiffness(*pair, edge), SHARP) for pair in DENSITIES]
+    found += [find(p, level, "plane", Stiffness(*pair, edge), ANNEALED) for pair in FROM_PLANE]
+    found += [find(p, bent, "quadric", Stiffness(*pair, edge), BENT) for pair in FROM_QUADRIC]
+    found = sorted(found, key=lambda solution: solution.score)
+    found = sorted([with_settled_edges(p, s) for s in found[:SETTLED]] + found[SETTLED:], key=lambda s: s.score)
+    best = found[0]
+    others = [pair for pair in DENSITIES if pair != (best.stiffness.second, best.stiffness.third)]
+    again = [find(p, best.height_m, best.start, Stiffness(*pair, edge), SHARP) for pair in others]
+    found = sorted(found + again, key=lambda solution: solution.score)
+    return [with_settled_edges(p, found[0]), *found[1:]]
+
+
+def with_settled_edges(p: Problem, solution: Solution) -> Solution:
+    """The same explanation after its edges have moved to where the readings want them."""
+    height, heard = settle(p, solution.height_m, solution.heard, solution.stiffness, solution.crease_m)
+    if height is solution.height_m:
+        return solution
+    score = evidence(p, height, heard, solution.stiffness)
+    return replace(solution, height_m=height, heard=heard, score=score) if score < solution.score else solution
 
 
 def finer(coarse: Problem, solution: Solution, raster: Raster) -> FloatArray:
@@ -73,15 +76,35 @@ def finer(coarse: Problem, solution: Solution, raster: Raster) -> FloatArray:
     _, parent = distance_transform_edt(~r.domain, return_indices=True)
     jj, ii = parent[0][j[:, None], i[None, :]], parent[1][j[:, None], i[None, :]]
     du, dv = u[None, :] - (r.u0_m + ii * r.g_m), v[:, None] - (r.v0_m + jj * r.g_m)
-    return np.asarray(solution.height_m[jj, ii] + su[jj, ii] * du + sv[jj, ii] * dv)
+    facets = solution.height_m[jj, ii] + su[jj, ii] * du + sv[jj, ii] * dv
+    # Where no edge is near, a spline has no kinks that the prior would take for edges.
+    j0, i0 = np.indices(r.shape)
+    whole = solution.height_m[parent[0], parent[1]] + r.g_m * (
+        su[parent[0], parent[1]] * (i0 - parent[1]) + sv[parent[0], parent[1]] * (j0 - parent[0])
+    )
+    at = np.meshgrid((v - r.v0_m) / r.g_m, (u - r.u0_m) / r.g_m, indexing="ij")
+    spline = map_coordinates(whole, at, order=3, mode="nearest")
+    broken = maximum_filter(breaks(whole, solution.crease_m), 5)
+    j, i = np.clip(np.rint(at[0]).astype(int), 0, rows - 1), np.clip(np.rint(at[1]).astype(int), 0, cols - 1)
+    return np.asarray(np.where(broken[j, i], facets, spline))
 
 
-def refine(p: Problem, fine: Problem, best: list[Solution]) -> Solution:
-    """The best explanations again on the finer raster; the most probable of them."""
-    found = [
-        find(fine, finer(p, solution, fine.raster), solution.start, solution.stiffness, (0.0,) * 8) for solution in best
-    ]
-    return min(found, key=lambda solution: solution.score)
+def breaks(height: FloatArray, crease_m: float) -> BoolArray:
+    """Cells (R, C) whose bend along u or v is that of an edge."""
+    bent = np.zeros(height.shape, dtype=bool)
+    bent[:, 1:-1] |= np.abs(np.diff(height, 2, axis=1)) > crease_m
+    bent[1:-1, :] |= np.abs(np.diff(height, 2, axis=0)) > crease_m
+    return bent
+
+
+def refine(coarse: Problem, fine: Problem, best: Solution) -> Solution:
+    """The best explanation on the finer raster; an edge of the same length breaks twice as many differences there."""
+    stiffness = replace(best.stiffness, edge=0.5 * best.stiffness.edge)
+    found = find(fine, finer(coarse, best, fine.raster), best.start, stiffness, (0.0005,) * 2 + (0.0,) * 6)
+    whole = reattached(fine, found.height_m, found.heard, found.crease_m)
+    found = replace(found, height_m=whole, heard=arrivals(fine, whole, found.crease_m))
+    height, heard = settle(fine, found.height_m, found.heard, stiffness, found.crease_m, reach=(1,))
+    return replace(found, height_m=height, heard=heard)
 
 
 def on_raster(p: Problem, raster: Raster) -> Problem:

@@ -88,7 +88,7 @@ def estimate_map(
     fine_raster = raster_over(grid, 0.5 * g)
     fine_domain = domain_of(scene, fine_raster, grid, heard, reach_m)
     fine = on_raster(coarse, Raster(fine_raster.u0_m, fine_raster.v0_m, 0.5 * g, fine_domain))
-    solution = refine(coarse, fine, found[:2])
+    solution = refine(coarse, fine, found[0])
     return _on_grid(fine, solution.height_m, solution.crease_m, layers(fine, solution), grid)
 
 

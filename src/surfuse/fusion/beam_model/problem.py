@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfuse.fusion.beam_model.arrivals import MIRROR, NONE, SPECKLE, predict
+from surfuse.fusion.beam_model.arrivals import MIRROR, NONE, RIM, SPECKLE, predict
 from surfuse.fusion.beam_model.echo import LEVELS, OFF_AXIS, TILTS, BeamTable, half_plane
 from surfuse.fusion.beam_model.envelope import carve
 from surfuse.fusion.beam_model.plate import Plate, plate
@@ -19,23 +19,26 @@ DIFFRACTION_STEP = 0.02
 DIFFRACTION = half_plane(np.arange(0.0, 12.0, DIFFRACTION_STEP) / 2.0, np.ones(1), 1.0)
 # Row of the tables (20 degrees) that stands for a tilted matte patch.
 TYPICAL = 8
+# Speckle that competes with an earlier mirror-like echo, as a share of its own peak.
+MURMUR = 0.8
 MODEL_ERROR_M = 0.0001
 # Degrees of freedom of the residuals' heavy-tailed distribution.
 TAIL = 4.0
+# Information of a station beside the part, and of a rim about the height of its cell.
+OFF_PART = 0.2
+RIM_SHARE = 0.2
 
 
 @dataclass(frozen=True)
 class Arrivals:
     """What every station should hear over one surface: M rows.
 
-    `range_m` (inf: nothing), `gain` d range / d height of the cell, `scatter_m` of the model, `second_m` next arrival,
-    `kind`, `row`, `column` of what is heard.
+    `range_m` (inf: nothing), `gain` d range / d height of the cell, `scatter_m` of the model, `kind`, `row`, `column` of what is heard.
     """
 
     range_m: FloatArray
     gain: FloatArray
     scatter_m: FloatArray
-    second_m: FloatArray
     kind: IntArray
     row: IntArray
     column: IntArray
@@ -43,7 +46,11 @@ class Arrivals:
 
 @dataclass(frozen=True)
 class Problem:
-    """Stations and raster; `level` (M,) logarithm of amplitude over threshold, nan where unknown."""
+    """Stations and raster; `level` (M,) logarithm of amplitude over threshold, nan where unknown.
+
+    `weight` (M,) is the share of its information that a station is given: less where its axis misses the part, because
+    it then hears a rim whose shape and place inside a cell the raster does not hold.
+    """
 
     stations: Stations
     tables: tuple[BeamTable, ...]
@@ -51,6 +58,7 @@ class Problem:
     plate: Plate
     spacing_m: float
     level: FloatArray
+    weight: FloatArray
 
 
 def problem(stations: Stations, tables: tuple[BeamTable, ...], raster: Raster, spacing_m: float) -> Problem:
@@ -58,7 +66,11 @@ def problem(stations: Stations, tables: tuple[BeamTable, ...], raster: Raster, s
     threshold = np.array([table.threshold for table in tables])[stations.spec]
     with np.errstate(invalid="ignore", divide="ignore"):
         level = np.log(stations.amplitude / threshold)
-    return Problem(stations, tables, raster, plate(raster.domain, raster.g_m), spacing_m, level)
+    middle = stations.position_m + stations.axis * stations.range_m[:, None]
+    over = raster.holds(middle)
+    return Problem(
+        stations, tables, raster, plate(raster.domain, raster.g_m), spacing_m, level, np.where(over, 1.0, OFF_PART)
+    )
 
 
 def reach(table: BeamTable) -> float:
@@ -71,16 +83,18 @@ def arrivals(p: Problem, height: FloatArray, crease_m: float) -> Arrivals:
     """First arrivals at all stations over a surface (R, C); a drop of more than `crease_m` between cells is a rim."""
     s, r = p.stations, p.raster
     su, sv, cu, cv, rim = slopes(height, r.domain, r.g_m, crease_m)
-    out = np.full((len(s), 4), np.inf)
+    out = np.full((len(s), 3), np.inf)
+    station = np.ascontiguousarray(np.hstack([s.position_m, s.axis]))
     cell = np.zeros((len(s), 3), dtype=np.int64)
     for k, t in enumerate(p.tables):
         predict(
-            np.nonzero(s.spec == k)[0], s.position_m, s.axis, s.range_m, p.level, height, su, sv, cu, cv, r.domain,
-            rim, r.u0_m, r.v0_m, r.g_m, t.directivity, DIFFRACTION, ANGLE_STEP, DIFFRACTION_STEP, TILTS, LEVELS,
-            t.speckle_m, t.scatter_m, t.threshold, t.rise_m, t.wavelength_m, reach(t), t.level[TYPICAL],
+            np.nonzero(s.spec == k)[0], station, s.range_m, p.level, height, su, sv, cu, cv, r.domain,
+            rim, r.u0_m, r.v0_m, r.g_m, t.mirror, t.rim, DIFFRACTION, ANGLE_STEP, DIFFRACTION_STEP, TILTS, LEVELS,
+            t.speckle_m, t.scatter_m, t.threshold, t.rise_m, t.wavelength_m, reach(t), t.rim_speckle,
+            MURMUR * t.level[TYPICAL],
             t.scatter_m[TYPICAL, -1], t.optical, out, cell,
         )  # fmt: skip
-    return Arrivals(out[:, 0], out[:, 1], out[:, 2], out[:, 3], cell[:, 0], cell[:, 1], cell[:, 2])
+    return Arrivals(out[:, 0], out[:, 1], out[:, 2], cell[:, 0], cell[:, 1], cell[:, 2])
 
 
 def free_space(p: Problem, trusted: IntArray) -> FloatArray:
@@ -91,7 +105,7 @@ def free_space(p: Problem, trusted: IntArray) -> FloatArray:
         if not t.optical:
             carve(
                 trusted[s.spec[trusted] == k], s.position_m, s.axis, s.range_m, r.domain, r.u0_m, r.v0_m, r.g_m,
-                t.directivity, DIFFRACTION, ANGLE_STEP, DIFFRACTION_STEP, t.threshold, t.rise_m, t.wavelength_m,
+                t.rim, DIFFRACTION, ANGLE_STEP, DIFFRACTION_STEP, t.threshold, t.rise_m, t.wavelength_m,
                 reach(t), lowest,
             )  # fmt: skip
     return np.where(np.isfinite(lowest[..., 1]), lowest[..., 1], lowest[..., 0])
@@ -119,7 +133,7 @@ def misfit(p: Problem, heard: Arrivals, temper_m: float) -> FloatArray:
     sigma = deviation(p, heard, temper_m)
     e, known = residuals(p, heard)
     x = np.where(known > 0.0, (e / sigma) ** 2, 60.0)
-    return np.asarray(0.5 * TAIL * np.log1p(x / TAIL) + np.log(sigma / (3.0 * MODEL_ERROR_M)))
+    return np.asarray(p.weight * (0.5 * TAIL * np.log1p(x / TAIL) + np.log(sigma / (3.0 * MODEL_ERROR_M))))
 
 
 def pulls(p: Problem, heard: Arrivals, height: FloatArray, temper_m: float) -> tuple[FloatArray, FloatArray]:
@@ -127,7 +141,8 @@ def pulls(p: Problem, heard: Arrivals, height: FloatArray, temper_m: float) -> t
     sigma = deviation(p, heard, temper_m)
     e, known = residuals(p, heard)
     gain = np.maximum(np.abs(heard.gain), 0.2)
-    weight = known * (gain / sigma) ** 2 / (1.0 + (e / sigma) ** 2 / TAIL)
+    share = p.weight * np.where(heard.kind == RIM, RIM_SHARE, 1.0)
+    weight = known * share * (gain / sigma) ** 2 / (1.0 + (e / sigma) ** 2 / TAIL)
     rows, cols = p.raster.shape
     flat = np.where(known > 0.0, heard.row * cols + heard.column, 0)
     total = np.bincount(flat, weights=weight, minlength=rows * cols)

@@ -29,6 +29,15 @@ class Raster:
         rows, cols = self.shape
         return self.u0_m + self.g_m * np.arange(cols), self.v0_m + self.g_m * np.arange(rows)
 
+    def holds(self, points_m: FloatArray) -> BoolArray:
+        """Which points (M, 2 or 3) stand over a cell of the domain."""
+        i = np.floor((points_m[:, 0] - self.u0_m) / self.g_m + 0.5).astype(np.int64)
+        j = np.floor((points_m[:, 1] - self.v0_m) / self.g_m + 0.5).astype(np.int64)
+        rows, cols = self.shape
+        ok = (i >= 0) & (j >= 0) & (i < cols) & (j < rows)
+        ok[ok] = self.domain[j[ok], i[ok]]
+        return np.asarray(ok, dtype=np.bool_)
+
     def sample(self, layer: FloatArray, grid: MapGrid) -> FloatArray:
         """Values of a layer at the nearest node of each node of the map's grid (nan outside)."""
         i = np.floor((grid.u_m - self.u0_m) / self.g_m + 0.5).astype(np.int64)
@@ -42,17 +51,18 @@ class Raster:
 @compiled
 def slopes(
     height: FloatArray, domain: BoolArray, g: float, crease: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Slopes and curvatures along u and v that do not reach across an edge, and the rim cells.
 
-    A rim cell lies next to a drop or to the outside.
+    A rim cell lies next to a drop or to the outside. The last result (R, C, 2) is where the rim is, relative to the
+    node along u and v: half a cell towards the drop; nan for cells that are none.
     """
     rows, cols = height.shape
     su = np.zeros((rows, cols))
     sv = np.zeros((rows, cols))
     cu = np.zeros((rows, cols))
     cv = np.zeros((rows, cols))
-    rim = np.zeros((rows, cols), dtype=np.bool_)
+    rim = np.full((rows, cols, 2), np.nan)
     for j in range(rows):
         for i in range(cols):
             if not domain[j, i]:
@@ -71,8 +81,12 @@ def slopes(
                 else:
                     slope = back if has_a else ahead
                 # A drop is what remains after the slope of this side is taken off.
-                if not has_a or back - slope > crease or not has_b or slope - ahead > crease:
-                    rim[j, i] = True
+                before = not has_a or back - slope > crease
+                behind = not has_b or slope - ahead > crease
+                if before or behind:
+                    if np.isnan(rim[j, i, 0]):
+                        rim[j, i, 0] = rim[j, i, 1] = 0.0
+                    rim[j, i, along] = 0.5 * g * ((1.0 if behind else 0.0) - (1.0 if before else 0.0))
                 if along == 0:
                     su[j, i] = slope / g
                     cu[j, i] = bend / (g * g) if smooth else 0.0

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from surfuse.fusion.beam_model.echo import LEVELS
 from surfuse.fusion.beam_model.problem import TYPICAL, Problem, arrivals, free_space, misfit
 from surfuse.fusion.beam_model.surfels import Surfels
-from surfuse.records import BoolArray, FloatArray, IntArray
+from surfuse.records import FloatArray, IntArray
 
 CLEAR_ECHO = float(np.log(10.0))
 AMBIGUITY_M = 0.001
@@ -18,22 +18,11 @@ CURVATURE_STEPS = (2.5, 1.0, 0.5)
 QUADRIC_TEMPER_M = 0.002
 
 
-def over_part(p: Problem, points_m: FloatArray) -> BoolArray:
-    """Which points (M,) stand over a cell of the domain."""
-    r = p.raster
-    i = np.floor((points_m[:, 0] - r.u0_m) / r.g_m + 0.5).astype(np.int64)
-    j = np.floor((points_m[:, 1] - r.v0_m) / r.g_m + 0.5).astype(np.int64)
-    rows, cols = r.shape
-    ok = (i >= 0) & (j >= 0) & (i < cols) & (j < rows)
-    ok[ok] = r.domain[j[ok], i[ok]]
-    return np.asarray(ok, dtype=bool)
-
-
 def plane(p: Problem, points_m: FloatArray) -> FloatArray:
     """Plane (R, C) through points (M, 3) by iterated Cauchy weights; constant when they do not span a plane."""
     u, v = p.raster.nodes()
     uu, vv = np.meshgrid(u, v)
-    points = points_m[over_part(p, points_m)]
+    points = points_m[p.raster.holds(points_m)]
     if len(points) == 0:
         return np.full(p.raster.shape, float(np.median(points_m[:, 2])) if len(points_m) else 0.0)
     centre = points.mean(axis=0)
@@ -105,7 +94,7 @@ def nearest_allowed(p: Problem, surfels: Surfels) -> FloatArray:
     bound = free_space(p, trusted(p, surfels))[r.domain]
     blurred = s.position_m + s.axis * (s.range_m - speckle_shift(p))[:, None]
     points = np.where(surfels.coherent[:, None], surfels.point_m, blurred)
-    chosen = over_part(p, points)
+    chosen = p.raster.holds(points)
     if not np.any(chosen):
         return plane(p, blurred)
     points, normal, sure = points[chosen], -surfels.towards[chosen], surfels.coherent[chosen]

@@ -1,0 +1,94 @@
+"""Edges move by whole cells: pieces of the surface grow sideways where that explains the readings better."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from surfuse.fusion.beam_model.orphans import laid_onto, pieces
+from surfuse.fusion.beam_model.plate import Stiffness
+from surfuse.fusion.beam_model.problem import Arrivals, Problem, arrivals
+from surfuse.fusion.beam_model.raster import slopes
+from surfuse.fusion.beam_model.search import descend, objective
+from surfuse.records import BoolArray, FloatArray, IntArray
+
+DIRECTIONS = ((0, 1), (0, -1), (1, 0), (-1, 0))
+SMALLEST_PIECE = 4
+MOST_PIECES = 6
+ROUNDS = 12
+MOST_MERGES = 24
+REACH = (1, 2, 4)
+
+
+def grown(
+    height: FloatArray, su: FloatArray, sv: FloatArray, member: BoolArray, domain: BoolArray, g_m: float,
+    direction: tuple[int, int], cells: int,
+) -> FloatArray:  # fmt: skip
+    """The surface (R, C) with one piece continued by some cells in one direction over its neighbours."""
+    dj, di = direction
+    result, inside = height.copy(), member.copy()
+    tall, wide = height.shape
+    target = (slice(max(dj, 0), tall + min(dj, 0)), slice(max(di, 0), wide + min(di, 0)))
+    source = (slice(max(-dj, 0), tall + min(-dj, 0)), slice(max(-di, 0), wide + min(-di, 0)))
+    lean_u, lean_v = su.copy(), sv.copy()
+    for _ in range(cells):
+        fresh = np.zeros_like(inside)
+        fresh[target] = inside[source] & ~inside[target] & domain[target]
+        carried = np.zeros_like(result)
+        carried[target] = result[source] + g_m * (di * lean_u[source] + dj * lean_v[source])
+        lean_u[target] = np.where(fresh[target], lean_u[source], lean_u[target])
+        lean_v[target] = np.where(fresh[target], lean_v[source], lean_v[target])
+        result = np.where(fresh, carried, result)
+        inside |= fresh
+    return result
+
+
+def candidates(number: IntArray) -> list[int]:
+    """Largest pieces, if there is more than one."""
+    names, sizes = np.unique(number[number >= 0], return_counts=True)
+    order = np.argsort(-sizes)
+    large = [int(names[k]) for k in order[:MOST_PIECES] if sizes[k] >= SMALLEST_PIECE]
+    return large if len(large) > 1 else []
+
+
+def merge_small(
+    p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float
+) -> tuple[FloatArray, Arrivals]:
+    """Lay small pieces onto their surroundings wherever the readings do not pay for the edge around them."""
+    r = p.raster
+    now = objective(p, height, heard, stiffness, 0.0)
+    number = pieces(height, r.domain, r.g_m, 2.0 * crease_m)
+    names, sizes = np.unique(number[r.domain], return_counts=True)
+    for name in names[np.argsort(sizes)][:-1][:MOST_MERGES]:
+        piece = number == name
+        trial = laid_onto(height, r.domain & ~piece, piece, r.g_m, crease_m)
+        there = arrivals(p, trial, crease_m)
+        value = objective(p, trial, there, stiffness, 0.0)
+        if value < now:
+            height, heard, now = trial, there, value
+    return height, heard
+
+
+def settle(
+    p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float,
+    reach: tuple[int, ...] = REACH,
+) -> tuple[FloatArray, Arrivals]:  # fmt: skip
+    """Take the best move of all pieces and directions, settle the heights, and repeat while it helps."""
+    r = p.raster
+    height, heard = merge_small(p, height, heard, stiffness, crease_m)
+    now = objective(p, height, heard, stiffness, 0.0)
+    for _ in range(ROUNDS):
+        number = pieces(height, r.domain, r.g_m, 2.0 * crease_m)
+        su, sv, _, _, _ = slopes(height, r.domain, r.g_m, crease_m)
+        best, best_height = now, None
+        for name in candidates(number):
+            for direction in DIRECTIONS:
+                for cells in reach:
+                    trial = grown(height, su, sv, number == name, r.domain, r.g_m, direction, cells)
+                    value = objective(p, trial, arrivals(p, trial, crease_m), stiffness, 0.0)
+                    if value < best:
+                        best, best_height = value, trial
+        if best_height is None or now - best < 1.0:
+            break
+        height, heard = descend(p, best_height, stiffness, crease_m, (0.0,) * 3)
+        now = objective(p, height, heard, stiffness, 0.0)
+    return height, heard
