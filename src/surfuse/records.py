@@ -351,7 +351,7 @@ class Readings:
 
     N readings, M sweeps; sweep j holds the rows `start[j]:start[j + 1]`. `stop` and `row` (M,) number the stop
     and its scan line, `world_from_grip` (M, 4, 4) is the grip pose of each sweep. `sigma_m` (N,) is the reading's
-    own standard deviation where the log has one, else nan (use the spec's).
+    own standard deviation where the log has one, else nan (use the spec's); `spread_m` (N,) the scatter of its pings.
     """
 
     specs: tuple[SensorSpec, ...]
@@ -368,9 +368,12 @@ class Readings:
     stop: IntArray
     row: IntArray
     world_from_grip: FloatArray
+    spread_m: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         n, m = len(self.t_s), len(self.stop)
+        if not np.size(self.spread_m):
+            object.__setattr__(self, "spread_m", np.full(n, np.nan))
         _own(
             self,
             np.float64,
@@ -380,6 +383,7 @@ class Readings:
             range_m=(n,),
             amplitude=(n,),
             sigma_m=(n,),
+            spread_m=(n,),
         )
         _own(self, np.int64, sensor=(n,), status=(n,), count=(n,), start=(m + 1,), stop=(m,), row=(m,))
         _own(self, np.float64, world_from_grip=(m, 4, 4))
@@ -407,7 +411,7 @@ class Readings:
             range_m=self.range_m[rows],
             status=self.status[rows],
             amplitude=self.amplitude[rows],
-            spread_m=np.full(rows.stop - rows.start, np.nan),
+            spread_m=self.spread_m[rows],
             sigma_m=self.sigma_m[rows],
             count=self.count[rows],
         )
@@ -433,6 +437,7 @@ def readings_from_sweeps(specs: tuple[SensorSpec, ...], sweeps: list[Sweep]) -> 
         status=integers("status"),
         amplitude=column("amplitude"),
         sigma_m=column("sigma_m"),
+        spread_m=column("spread_m"),
         count=integers("count"),
         start=np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)]),
         stop=np.array([sweep.stop for sweep in sweeps], dtype=np.int64),
