@@ -17,7 +17,9 @@ def round_ticks(low: float, high: float, about: int = 5) -> list[float]:
     step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= rough * 0.999)
     first = math.ceil(low / step - 1e-9)
     last = math.floor(high / step + 1e-9)
-    return [round(n * step, 12) for n in range(first, last + 1)]
+    ticks = [round(n * step, 12) for n in range(first, last + 1)]
+    # A coarse step may miss the range altogether; a finer one does not.
+    return ticks or round_ticks(low, high, 2 * max(about, 1))
 
 
 @dataclass(frozen=True)
