@@ -91,8 +91,11 @@ def _small(g: Generator) -> _Shot:
 
 
 def _shiny(g: Generator) -> _Shot:
+    """The lamp hangs low enough for its highlight to be seen on an upright surface."""
     part = _part(g, Material.PART_SMOOTH)
-    return _Shot(part, OpticsParameters(ambient=0.1, exposure=200.0, gloss=g.uniform(200.0, 500.0), background=20.0))
+    lamp = (0.0, g.uniform(-0.5, 0.5), g.uniform(1.4, 1.8))
+    gloss = g.uniform(150.0, 400.0)
+    return _Shot(part, OpticsParameters(lamp, ambient=0.1, exposure=150.0, gloss=gloss, background=20.0))
 
 
 CONDITIONS: dict[str, Callable[[Generator], _Shot]] = {
@@ -141,12 +144,14 @@ def threshold_study(scenes: int = 30, seed: int = 1, out: Path | None = None, fo
         method: float(np.mean([r.misclassification_error for r in rows if r.method == method])) for method in METHODS
     }
     best = min(METHODS, key=lambda method: (failed[method], wrong[method]))
+    closest = {condition: _closest(rows, condition) for condition in CONDITIONS}
     summary: dict[str, object] = {
         "scenes": scenes,
         "seed": seed,
         "best": best,
         "failed_share": failed,
         "misclassification_error": wrong,
+        "closest": closest,
         "rows": [asdict(row) for row in rows],
         "table": None if out is None else str(out),
     }
@@ -154,7 +159,13 @@ def threshold_study(scenes: int = 30, seed: int = 1, out: Path | None = None, fo
     table = [("condition, method", "misclassified  area error  non-uniform  failed  separable  ms")]
     table += [(f"{row.condition}, {row.method}", _text(row)) for row in rows]
     table += [("scenes failed", verdict), ("fewest failures", best)]
+    table += [(f"closest, {condition}", method) for condition, method in closest.items()]
     return Outcome(summary, table + ([("table", str(out))] if out is not None else []))
+
+
+def _closest(rows: tuple[StudyRow, ...], condition: str) -> str:
+    """The method with the fewest wrong pixels under a condition."""
+    return min((row for row in rows if row.condition == condition), key=lambda row: row.misclassification_error).method
 
 
 def _photographed(shot: _Shot, generator: Generator) -> tuple[ByteArray, BoolArray]:

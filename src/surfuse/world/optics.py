@@ -10,14 +10,15 @@ import cv2
 import numpy as np
 
 from surfuse.errors import ConfigError
-from surfuse.records import ByteArray, CameraModel, FloatArray, IntArray
-from surfuse.world.materials import table_of
+from surfuse.records import BoolArray, ByteArray, CameraModel, FloatArray, IntArray
+from surfuse.world.materials import Material, table_of
 from surfuse.world.scene import Scene
 
 _REFERENCE_M = 1.0
 _SHADOW_LIFT_M = 1e-4
 _EDGE_LEVELS = 2.0
 _FULL_SCALE = 255.0
+_SHININESS = 40.0
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class OpticsParameters:
     exposure : grey level of a white surface that faces the lamp.
     background : grey level of what lies outside the cell: the room.
     gradient_x, gradient_y : relative change of illumination from the left to the right, from the top to the bottom.
+    gloss : grey level of the lamp's highlight on smooth parts, as bright as this in its middle; 0: none.
     shadows : whether bodies cast shadows (doubles the rays).
     edge_samples : rays a pixel on a side where the picture has an edge, so that edges may lie between pixels.
     blur_px : standard deviation of the lens's blur.
@@ -43,6 +45,7 @@ class OpticsParameters:
     background: float = 16.0
     gradient_x: float = 0.0
     gradient_y: float = 0.0
+    gloss: float = 0.0
     shadows: bool = False
     edge_samples: int = 4
     blur_px: float = 0.8
@@ -53,7 +56,7 @@ class OpticsParameters:
             raise ConfigError(f"optics light_m = {self.light_m}", cure="give three finite coordinates in metres")
         if not 0.0 <= self.ambient <= 1.0:
             raise ConfigError(f"optics ambient = {self.ambient}", cure="give a share between 0 and 1")
-        for name in ("exposure", "background"):
+        for name in ("exposure", "background", "gloss"):
             value = getattr(self, name)
             if not 0.0 <= value <= 10.0 * _FULL_SCALE:
                 raise ConfigError(f"optics {name} = {value}", cure=f"give 0 to {10 * _FULL_SCALE:g} grey levels")
@@ -114,6 +117,8 @@ def _radiance(scene: Scene, rays: FloatArray, world_from_camera: FloatArray, opt
     to_light = _light_direction(world_from_camera, optics)
     table = np.append(_shading(scene, world_from_camera[:3, 3], to_light, optics), optics.background)
     shade = table.astype(np.float32)[triangle]
+    if optics.gloss > 0.0:
+        shade += _highlights(scene, world_from_camera[:3, 3], directions, triangle, to_light, optics.gloss)
     if optics.shadows:
         dark = _shaded(scene, world_from_camera[:3, 3], directions, triangle, to_light)
         unlit = np.append(optics.exposure * optics.ambient * table_of("albedo")[scene.material], 0.0)
@@ -139,6 +144,29 @@ def _shading(scene: Scene, eye_m: FloatArray, to_light: FloatArray, optics: Opti
     direct = np.maximum(facing * (scene.normal @ to_light), 0.0)
     light = optics.ambient + (1.0 - optics.ambient) * direct
     return np.asarray(optics.exposure * table_of("albedo")[scene.material] * light)
+
+
+def _highlights(
+    scene: Scene, eye_m: FloatArray, directions: FloatArray, triangle: IntArray, to_light: FloatArray, gloss: float
+) -> FloatArray:
+    """Grey level (N,) float32 that the lamp's highlight adds on smooth parts (J. F. Blinn, SIGGRAPH 1977)."""
+    added = np.zeros(len(triangle), np.float32)
+    smooth = np.flatnonzero((triangle >= 0) & (scene.material[triangle] == Material.PART_SMOOTH))
+    hit = triangle[smooth]
+    facing = np.where(scene.normal[hit] @ eye_m >= scene.offset_m[hit], 1.0, -1.0)
+    half = to_light - directions[smooth]
+    half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-9)
+    added[smooth] = gloss * np.maximum(facing * np.einsum("ij,ij->i", scene.normal[hit], half), 0.0) ** _SHININESS
+    return np.asarray(added)
+
+
+def visible(scene: Scene, camera: CameraModel, world_from_camera: FloatArray, body: int) -> BoolArray:
+    """The pixels (H, W) whose middle shows the body of this index: the true mask of a picture."""
+    directions = _single(_rays(camera)) @ _single(world_from_camera[:3, :3].T)
+    origin = _single(world_from_camera[:3, 3] - scene.origin_m)
+    triangle = scene.first_triangle(np.ascontiguousarray(np.broadcast_to(origin, directions.shape)), directions)
+    seen = (triangle >= 0) & (scene.body[triangle] == body)
+    return np.asarray(seen.reshape(camera.height_px, camera.width_px))
 
 
 def _shaded(
