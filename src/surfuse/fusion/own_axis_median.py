@@ -9,13 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from surfuse.confidence.gate import GateParameters
 from surfuse.fusion.field_methods.mapwise import Estimate, mapwise
 from surfuse.fusion.field_methods.places import covered
-from surfuse.fusion.field_methods.sites import between, median_sites
-from surfuse.fusion.field_methods.support import supported
+from surfuse.fusion.field_methods.sites import at_least_scatter, between, median_sites
+from surfuse.fusion.field_methods.support import telling
 from surfuse.fusion.field_methods.survey import Survey
 from surfuse.interfaces import FusionMethod
 from surfuse.records import MapGrid
@@ -37,9 +35,9 @@ def create(parameters: Parameters) -> FusionMethod:
     """The method with these parameters."""
 
     def estimate(heard: Survey, grid: MapGrid) -> Estimate:
-        used = supported(heard) if parameters.despike else np.ones(len(heard), dtype=np.bool_)
+        used = telling(heard, grid, parameters.despike)
         kept = heard.select(used)
-        sites = median_sites(kept.foot_m, kept.sigma_m, kept.spacing_m)
+        sites = at_least_scatter(median_sites(kept.foot_m, kept.sigma_m, kept.spacing_m))
         height, sigma = between(sites, grid, covered(kept, grid))
         return Estimate(height, sigma, used)
 

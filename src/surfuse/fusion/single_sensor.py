@@ -18,7 +18,7 @@ from surfuse.confidence.parameters import check_within
 from surfuse.confidence.sweepwise import BLOCK, SweepwiseFusion, block_readings
 from surfuse.fusion.field_methods.mapwise import Estimate, MapwiseFusion
 from surfuse.fusion.field_methods.places import covered
-from surfuse.fusion.field_methods.sites import between, mean_sites
+from surfuse.fusion.field_methods.sites import at_least_scatter, between, mean_sites
 from surfuse.fusion.field_methods.survey import Survey
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
@@ -98,7 +98,7 @@ def create(parameters: Parameters) -> FusionMethod:
         used = np.zeros(len(heard), dtype=np.bool_)
         used[first_in_turn(heard, parameters.sensor)] = True
         kept = heard.select(used)
-        sites = mean_sites(kept.foot_m, kept.sigma_m, kept.spacing_m)
+        sites = at_least_scatter(mean_sites(kept.foot_m, kept.sigma_m, kept.spacing_m))
         height, sigma = between(sites, grid, covered(kept, grid))
         return Estimate(height, sigma, used)
 

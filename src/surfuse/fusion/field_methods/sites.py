@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +15,10 @@ MAD_TO_SIGMA = 1.4826
 
 INSIDE = 1e-6
 """A node that lies outside of a triangle by this share of it lies on its rim."""
+
+
+NEIGHBOURS = 9
+"""Sites of a small plane: a square of three by three."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +94,6 @@ def _centres(points_m: FloatArray, group: IntArray, count: IntArray) -> FloatArr
     return np.column_stack([summed(points_m[:, k], group, n) / count for k in (0, 1)])
 
 
-Gather = Callable[[FloatArray, FloatArray, float], Sites]
-
-
 def between(sites: Sites, grid: MapGrid, wanted: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Height and sigma (R, C) at the wanted nodes: linear in the Delaunay triangle of sites around each node.
 
@@ -130,3 +130,24 @@ def _corners(uv: FloatArray, nodes: FloatArray) -> tuple[IntArray, FloatArray]:
     corner[inside] = mesh.simplices[triangle[inside]]
     weight[inside] = np.column_stack([share, 1.0 - share.sum(axis=1)])[inside]
     return corner, weight
+
+
+def at_least_scatter(sites: Sites) -> Sites:
+    """The sites with sigma no smaller than their scatter about the small plane of their nearest neighbours.
+
+    Sensors that hear the same speckle from the same place agree with each other and are wrong together; their
+    neighbours show it. The scatter is the root mean square residual of the plane through nine sites, six of them free.
+    """
+    if len(sites) < NEIGHBOURS:
+        return sites
+    _, index = cKDTree(sites.uv_m).query(sites.uv_m, k=NEIGHBOURS)
+    offset = sites.uv_m[index] - sites.uv_m[:, None]
+    scale = np.max(np.abs(offset), axis=(1, 2)) + 1e-12
+    design = np.concatenate([np.ones((*index.shape, 1)), offset / scale[:, None, None]], axis=2)
+    rise = sites.height_m[index] - sites.height_m[:, None]
+    # Sites on one line leave a slope open: a faint pull to the level keeps the equations solvable.
+    normal = np.swapaxes(design, 1, 2) @ design + 1e-9 * np.eye(3)
+    plane = np.linalg.solve(normal, np.swapaxes(design, 1, 2) @ rise[:, :, None])
+    residual = rise - (design @ plane)[:, :, 0]
+    scatter = np.sqrt(np.sum(residual**2, axis=1) / (NEIGHBOURS - 3))
+    return Sites(sites.uv_m, sites.height_m, np.maximum(sites.sigma_m, scatter), sites.count)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from surfuse.fusion.field_methods.places import feet_on_part
 from surfuse.fusion.field_methods.survey import Survey
-from surfuse.records import BoolArray
+from surfuse.records import BoolArray, MapGrid
 
 NEIGHBOURS = 12
 """Neighbours that are asked: with four sensors on one lattice, those of three places."""
@@ -46,3 +47,12 @@ def supported(survey: Survey) -> BoolArray:
     judges = near.sum(axis=1)
     agree = (near & (rise <= allowed)).sum(axis=1)
     return np.asarray((judges < JUDGES) | (agree >= SHARE * judges), dtype=np.bool_)
+
+
+def telling(survey: Survey, grid: MapGrid, despike: bool = True) -> BoolArray:
+    """Which readings (N,) tell the height where their axis ends: it meets the part, and neighbours confirm it.
+
+    A reading whose axis misses the outline was heard from the rim, from nearer or later than the part is there.
+    """
+    on_part = feet_on_part(survey, grid)
+    return on_part & supported(survey) if despike else on_part

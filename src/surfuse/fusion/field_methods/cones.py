@@ -1,0 +1,72 @@
+"""A beam as a cone over the columns of a map: which nodes it covers, and where its sphere of equal range meets them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from surfuse.geometry.compiled import compiled
+from surfuse.records import FloatArray
+
+
+@compiled
+def columns_within(
+    start: FloatArray, axis: FloatArray, range_m: float, spread_rad: float, u: FloatArray, v: FloatArray
+) -> tuple[int, int, int, int]:
+    """First and last + 1 column and row of the nodes that a cone's cap can cover.
+
+    The cap of a sphere within `spread_rad` of the axis lies within the chord 2 r sin(spread / 2) of the hit point.
+    """
+    wide = 2.0 * range_m * math.sin(0.5 * min(spread_rad, math.pi))
+    cu, cv = start[0] + range_m * axis[0], start[1] + range_m * axis[1]
+    return (
+        int(np.searchsorted(u, cu - wide)),
+        int(np.searchsorted(u, cu + wide, side="right")),
+        int(np.searchsorted(v, cv - wide)),
+        int(np.searchsorted(v, cv + wide, side="right")),
+    )
+
+
+@compiled
+def off_axis(du: float, dv: float, drop: float, axis: FloatArray, range_m: float, spread_rad: float) -> float:
+    """Angle between the axis and a point (du, dv, -drop) at this range, as a share of the spread; inf behind.
+
+    From the chord between the two directions, which stays exact near the axis.
+    """
+    x, y, z = du / range_m - axis[0], dv / range_m - axis[1], -drop / range_m - axis[2]
+    chord = 0.5 * math.sqrt(x * x + y * y + z * z)
+    return 2.0 * math.asin(min(chord, 1.0)) / spread_rad
+
+
+@compiled
+def shell(du: float, dv: float, axis: FloatArray, range_m: float, spread_rad: float) -> tuple[float, float]:
+    """How far below the start (m) the sphere of a range meets a column at (du, dv), and its angle off the axis there.
+
+    The angle is a share of the spread; inf where the sphere does not reach the column.
+    """
+    side = du * du + dv * dv
+    if side >= range_m * range_m:
+        return 0.0, math.inf
+    drop = math.sqrt(range_m * range_m - side)
+    return drop, off_axis(du, dv, drop, axis, range_m, spread_rad)
+
+
+@compiled
+def _nearest(value: float, nodes: FloatArray) -> int:
+    """Index of the nearest node within half a step, or -1."""
+    n = nodes.shape[0]
+    k = int(np.searchsorted(nodes, value))
+    if k > 0 and (k == n or value - nodes[k - 1] <= nodes[k] - value):
+        k -= 1
+    if n == 1:
+        return k
+    step = nodes[k + 1] - nodes[k] if k + 1 < n and (k == 0 or value > nodes[k]) else nodes[k] - nodes[k - 1]
+    return k if abs(value - nodes[k]) <= 0.5 * step * (1.0 + 1e-9) else -1
+
+
+@compiled
+def nearest_node(at_u: float, at_v: float, u: FloatArray, v: FloatArray) -> tuple[int, int]:
+    """Row and column of the node whose cell a point lies in; (-1, -1) outside of the map."""
+    c, k = _nearest(at_u, u), _nearest(at_v, v)
+    return (k, c) if k >= 0 and c >= 0 else (-1, -1)
