@@ -1,0 +1,46 @@
+"""`surfuse coverage`: is the stated standard deviation honest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from surfuse.cli import _options as options
+
+HELP = """How often the truth lies within the 50, 90 and 99 % intervals of a map, overall and regime by regime.
+
+LOG is a map file or a finished run (its map is taken as it is), or a log, which is fused first. With --method or --set
+a run is fused again.
+
+\b
+Examples:
+    surfuse coverage runs/mine --truth truth.ply
+    surfuse coverage readings.csv --truth truth.ply --method median --json
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("coverage", help=HELP)(coverage)
+
+
+def coverage(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Map file, run folder, .mcap or .csv.")],
+    truth: Annotated[Path, typer.Option("--truth", help="Mesh (STL, PLY, OBJ), map file or run folder.")],
+    scale: Annotated[
+        float, typer.Option("--scale", help="Factor on the mesh's numbers, 0.001 for mm.", min=1e-9)
+    ] = 1.0,
+    method: options.Method = None,
+    assignments: options.Set = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> int:
+    """Check the intervals."""
+    from surfuse.cli._progress import TerminalWatcher
+    from surfuse.pipeline import coverage as work
+
+    with TerminalWatcher(quiet or as_json) as watcher:
+        outcome = work.coverage(log, truth, scale, options.overrides(assignments, method, None), watcher)
+    return options.show(outcome.summary, outcome.table, as_json, quiet)
