@@ -91,7 +91,8 @@ def predict_one(
     domain: BoolArray, rim: FloatArray, u0: float, v0: float, g: float,
     mirror: FloatArray, rim_wave: FloatArray, diffraction: FloatArray, angle_step: float, diffraction_step: float,
     tilts: FloatArray, levels: FloatArray, speckle: FloatArray, scatter: FloatArray,
-    threshold: float, rise: float, wavelength: float, reach: float, diffuse: float, murmur: float, grain: float, optical: bool,
+    threshold: float, rise: float, wavelength: float, reach: float,
+    diffuse: float, murmur: float, grain: float, optical: bool,
 ) -> tuple[float, int, int, int, float, float]:  # fmt: skip
     """First arrival at one station: range (m; inf: nothing heard), kind, row, column, d range / d height, scatter."""
     best, bj, bi, gain, spread = at_axis(
@@ -181,7 +182,8 @@ def predict(
     domain: BoolArray, rim: FloatArray, u0: float, v0: float, g: float,
     mirror: FloatArray, rim_wave: FloatArray, diffraction: FloatArray, angle_step: float, diffraction_step: float,
     tilts: FloatArray, levels: FloatArray, speckle: FloatArray, scatter: FloatArray,
-    threshold: float, rise: float, wavelength: float, reach: float, diffuse: float, murmur: float, grain: float, optical: bool,
+    threshold: float, rise: float, wavelength: float, reach: float,
+    diffuse: float, murmur: float, grain: float, optical: bool,
     out: FloatArray, cell: IntArray,
 ) -> None:  # fmt: skip
     """First arrivals at the stations `rows`, into out (M, 3: range, d range / d height, scatter) and cell (M, 3).

@@ -14,7 +14,7 @@ LARGEST_SIDE = 4000
 
 
 def raster_over(grid: MapGrid, g_m: float) -> Raster:
-    """Square cells over the map's grid with half a cell around it; nodes of an even grid fall on nodes where they can."""
+    """Square cells over the map's grid; nodes of an even grid fall on nodes where they can."""
 
     def axis(nodes: FloatArray) -> tuple[float, int]:
         extent = float(nodes[-1] - nodes[0])

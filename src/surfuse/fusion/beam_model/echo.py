@@ -104,7 +104,7 @@ def _profile(ka: float, tilt: float, range_m: float, wavelength_m: float, bins: 
     power = piston(ka, th) ** 4 * (2.0 / wavelength_m) ** 2 * solid
     index = ((rho - origin_m) / BIN_M).astype(np.int64)
     keep = hit & (index >= 0) & (index < bins)
-    return np.bincount(index[keep], weights=power[keep], minlength=bins)
+    return np.bincount(index[keep], weights=power[keep], minlength=bins).astype(np.float64)
 
 
 def _location(values: FloatArray, fallback: tuple[float, float]) -> tuple[float, float]:
@@ -218,4 +218,15 @@ def beam_table(spec: SensorSpec, range_mm: int, model: DetectorModel) -> BeamTab
     else:
         tables = _speckle(float(ka), wavelength, rise, range_m, model)
     mirror, rim = _smooth(two_way, wavelength, rise, range_m, model, optical)
-    return BeamTable(two_way, mirror, rim, *tables, half, wavelength, model.threshold, rise, RIM_GRAIN * model.roughness_m / wavelength, optical)
+    return BeamTable(
+        two_way,
+        mirror,
+        rim,
+        *tables,
+        half,
+        wavelength,
+        model.threshold,
+        rise,
+        RIM_GRAIN * model.roughness_m / wavelength,
+        optical,
+    )

@@ -1,4 +1,4 @@
-"""The nearest surface that the mirror-like readings leave free: envelope of spheres, with a gate against late spikes."""
+"""The nearest surface that mirror-like readings leave free: envelope of spheres, gated against late spikes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def carve(
     rim_wave: FloatArray, diffraction: FloatArray, angle_step: float, diffraction_step: float,
     threshold: float, rise: float, wavelength: float, reach: float, lowest: FloatArray,
 ) -> None:  # fmt: skip
-    """Lower the bounds `lowest` (R, C, 2): smallest and second-smallest height above which a cell would have been heard.
+    """Lower the bounds `lowest` (R, C, 2): the two smallest heights above which a cell would have been heard.
 
     A facing rim in the cell at angle theta is heard late by its diffraction; the range is shortened by that delay
     before it bounds the cell.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filter
@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filte
 from surfuse.fusion.beam_model.edges import settle
 from surfuse.fusion.beam_model.orphans import reattached
 from surfuse.fusion.beam_model.plate import Stiffness
-from surfuse.fusion.beam_model.problem import Problem, arrivals, problem, reach
+from surfuse.fusion.beam_model.problem import Problem, arrivals, reach
 from surfuse.fusion.beam_model.raster import Raster, slopes
 from surfuse.fusion.beam_model.search import Solution, evidence, find
 from surfuse.fusion.beam_model.starts import nearest_allowed, plane, quadric, speckle_shift
@@ -22,11 +22,8 @@ FLAT, STIFF, PLAIN, SOFT, FREE, WAVY, ROUND = (
     (1e-5, 1e2), (1e-4, 1e2), (1e-3, 1e2), (1e-2, 1e2), (1e-1, 1e2), (1e-1, 1e0), (1e-1, 1e-2),
 )  # fmt: skip
 DENSITIES = (FLAT, STIFF, PLAIN, SOFT, FREE, WAVY, ROUND)
-FROM_PLANE = (FLAT, PLAIN, SOFT, FREE)
-FROM_QUADRIC = (SOFT, FREE, WAVY, ROUND)
 SHARP = (0.0005,) * 2 + (0.0,) * 5
-# How many of the best explanations have their edges moved.
-SETTLED = 3
+MOSTLY = 0.6
 BENT = (0.002,) * 3 + (0.0005,) * 2 + (0.0,) * 5
 ANNEALED = (0.005,) * 4 + (0.002,) * 3 + (0.0005,) * 2 + (0.0,) * 4
 
@@ -37,19 +34,41 @@ def surfels_of(p: Problem) -> Surfels:
     return find_surfels(p.stations, p.spacing_m, slopes)
 
 
-def explore(p: Problem, surfels: Surfels, edge: float) -> list[Solution]:
-    """Every prior from both starts, the most probable first."""
+@dataclass(frozen=True)
+class Effort:
+    """Which explanations are tried: priors from each start, how many get their edges moved, other priors at the end."""
+
+    points: tuple[tuple[float, float], ...] = DENSITIES
+    plane: tuple[tuple[float, float], ...] = (FLAT, PLAIN, SOFT, FREE)
+    quadric: tuple[tuple[float, float], ...] = (SOFT, FREE, WAVY, ROUND)
+    settled: int = 3
+    again: tuple[tuple[float, float], ...] = DENSITIES
+    fine: bool = True
+
+
+FULL = Effort()
+# For parts of many tiles: the same ideas with fewer priors.
+LEAN = Effort((FLAT, PLAIN, FREE), (FLAT,), (WAVY,), 1, (), False)
+
+
+def explore(p: Problem, surfels: Surfels, edge: float, effort: Effort = FULL) -> list[Solution]:
+    """Every prior from its starts, the most probable first; the edges of the best are moved."""
     blurred = p.stations.position_m + p.stations.axis * (p.stations.range_m - speckle_shift(p))[:, None]
-    level = plane(p, blurred)
-    bent = quadric(p, blurred)
     near = nearest_allowed(p, surfels)
-    found = [find(p, near, "points", Stiffness(*pair, edge), SHARP) for pair in DENSITIES]
-    found += [find(p, level, "plane", Stiffness(*pair, edge), ANNEALED) for pair in FROM_PLANE]
-    found += [find(p, bent, "quadric", Stiffness(*pair, edge), BENT) for pair in FROM_QUADRIC]
+    level = plane(p, blurred)
+    found = [find(p, near, "points", Stiffness(*pair, edge), SHARP) for pair in effort.points]
+    found += [find(p, level, "plane", Stiffness(*pair, edge), ANNEALED) for pair in effort.plane]
+    # Where most neighbours share a wavefront, the oriented points have the curvature already.
+    if effort.fine or np.mean(surfels.coherent) < MOSTLY:
+        bent = quadric(p, blurred)
+        found += [find(p, bent, "quadric", Stiffness(*pair, edge), BENT) for pair in effort.quadric]
     found = sorted(found, key=lambda solution: solution.score)
-    found = sorted([with_settled_edges(p, s) for s in found[:SETTLED]] + found[SETTLED:], key=lambda s: s.score)
+    moved = [with_settled_edges(p, solution) for solution in found[: effort.settled]]
+    found = sorted(moved + found[effort.settled :], key=lambda solution: solution.score)
     best = found[0]
-    others = [pair for pair in DENSITIES if pair != (best.stiffness.second, best.stiffness.third)]
+    others = [pair for pair in effort.again if pair != (best.stiffness.second, best.stiffness.third)]
+    if not others:
+        return found
     again = [find(p, best.height_m, best.start, Stiffness(*pair, edge), SHARP) for pair in others]
     found = sorted(found + again, key=lambda solution: solution.score)
     return [with_settled_edges(p, found[0]), *found[1:]]
@@ -105,8 +124,3 @@ def refine(coarse: Problem, fine: Problem, best: Solution) -> Solution:
     found = replace(found, height_m=whole, heard=arrivals(fine, whole, found.crease_m))
     height, heard = settle(fine, found.height_m, found.heard, stiffness, found.crease_m, reach=(1,))
     return replace(found, height_m=height, heard=heard)
-
-
-def on_raster(p: Problem, raster: Raster) -> Problem:
-    """The same stations over another raster."""
-    return problem(p.stations, p.tables, raster, p.spacing_m)

@@ -6,18 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_banded
-from scipy.ndimage import maximum_filter, uniform_filter
+from scipy.ndimage import distance_transform_edt, maximum_filter, uniform_filter
 
-from surfuse.fusion.beam_model.arrivals import MIRROR, NONE, RIM, SPECKLE
+from surfuse.fusion.beam_model.arrivals import MIRROR, RIM, SPECKLE
 from surfuse.fusion.beam_model.plate import factor
-from surfuse.fusion.beam_model.problem import Problem, pulls
+from surfuse.fusion.beam_model.problem import Problem, pulls, residuals
 from surfuse.fusion.beam_model.search import LOOSE_M, Solution
 from surfuse.records import ByteArray, FloatArray, IntArray, Regime
 
 SAMPLES = 64
 # Share of a sensor's own sigma that neither averaging nor neighbours remove (temperature, offset).
-COMMON = 0.3
-FLOOR_M = 0.00005
+COMMON = 0.2
+# Share of the model's scatter that neighbours have in common, by kind of arrival.
+SHARED = {MIRROR: 0.8, SPECKLE: 0.2, RIM: 0.3}
+# Slope that an unmeasured strip may hide, so that its uncertainty grows with the distance from what is measured.
+HIDDEN_SLOPE = 0.02
+FLOOR_M = 0.00003
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,7 @@ class Layers:
 
 
 def posterior_sigma(p: Problem, solution: Solution) -> FloatArray:
-    """Standard deviation (R, C) from samples of the linearised posterior (perturbation with the Cholesky factor)."""
+    """Standard deviation (R, C) from samples of the linearised posterior, drawn with its Cholesky factor."""
     data, _ = pulls(p, solution.heard, solution.height_m, 0.0)
     band = p.plate.precision(solution.height_m, solution.stiffness, LOOSE_M**-2)
     band[0] += p.plate.vector(data)
@@ -42,38 +46,61 @@ def posterior_sigma(p: Problem, solution: Solution) -> FloatArray:
         upper[width - k, k:] = lower[k, : size - k]
     noise = np.random.default_rng(7).normal(size=(size, SAMPLES))
     samples = solve_banded((0, width), upper, noise, check_finite=False)
-    return p.plate.field(np.mean(samples**2, axis=1)) ** 0.5
+    return np.asarray(p.plate.field(np.mean(samples**2, axis=1)) ** 0.5)
 
 
-def support(p: Problem, solution: Solution, kind: int) -> FloatArray:
-    """Readings (R, C) that hear each cell in one way."""
-    heard, rows_cols = solution.heard, p.raster.shape
+def by_cell(p: Problem, solution: Solution, values: FloatArray, kind: int) -> FloatArray:
+    """Sum (R, C) of a station column over the cells that the stations hear in one way."""
+    heard, shape = solution.heard, p.raster.shape
     rows = heard.kind == kind
-    flat = heard.row[rows] * rows_cols[1] + heard.column[rows]
-    return np.bincount(flat, weights=p.stations.count[rows], minlength=rows_cols[0] * rows_cols[1]).reshape(rows_cols)
+    flat = heard.row[rows] * shape[1] + heard.column[rows]
+    sums = np.bincount(flat, weights=values[rows], minlength=shape[0] * shape[1])
+    return np.asarray(sums.reshape(shape), dtype=np.float64)
+
+
+def around(layer: FloatArray, width: int) -> FloatArray:
+    """Sum (R, C) over a square neighbourhood."""
+    return np.asarray(uniform_filter(layer, width, mode="constant") * width * width)
+
+
+def common_sigma(p: Problem, solution: Solution, width: int) -> FloatArray:
+    """Part (R, C) of the uncertainty that neighbours share and smoothing does not remove."""
+    one = np.ones(len(p.stations))
+    total, number = np.zeros(p.raster.shape), np.zeros(p.raster.shape)
+    for kind, share in SHARED.items():
+        total += around(by_cell(p, solution, share * solution.heard.scatter_m, kind), width)
+        number += around(by_cell(p, solution, one, kind), width)
+    known = number > 0.5
+    model = np.where(known, total / np.maximum(number, 0.5), 0.0)
+    if np.any(known):
+        _, nearest = distance_transform_edt(~known, return_indices=True)
+        model = model[nearest[0], nearest[1]]
+    sensor = COMMON * float(np.median(p.stations.sigma_m * np.sqrt(p.stations.count)))
+    return np.asarray(np.sqrt(model**2 + sensor**2 + FLOOR_M**2))
 
 
 def layers(p: Problem, solution: Solution) -> Layers:
     """All layers of a solution."""
-    near = 2 * max(1, round(0.75 * p.spacing_m / p.raster.g_m)) + 1 if np.isfinite(p.spacing_m) else 3
-    share = near * near
-    mirror = uniform_filter(support(p, solution, MIRROR), near, mode="constant") * share
-    speckle = uniform_filter(support(p, solution, SPECKLE), near, mode="constant") * share
-    rim = maximum_filter(support(p, solution, RIM), 3, mode="constant")
-    count = np.rint(mirror + speckle + np.where(mirror + speckle < 0.5, rim, 0.0)).astype(np.int64)
+    width = 2 * max(1, round(0.75 * p.spacing_m / p.raster.g_m)) + 1 if np.isfinite(p.spacing_m) else 3
+    number = p.stations.count.astype(np.float64)
+    mirror = around(by_cell(p, solution, number, MIRROR), width)
+    speckle = around(by_cell(p, solution, number, SPECKLE), width)
+    rim = maximum_filter(by_cell(p, solution, number, RIM), 3, mode="constant")
+    direct = mirror + speckle
     regime = np.where(mirror > 0.5, int(Regime.MIRROR), int(Regime.PRIOR))
     regime = np.where(speckle > np.maximum(mirror, 0.5), int(Regime.SPECKLE), regime)
     regime = np.where((regime == int(Regime.PRIOR)) & (rim > 0.5), int(Regime.EDGE), regime)
-    common = COMMON * float(np.median(p.stations.sigma_m * np.sqrt(p.stations.count)))
-    sigma = np.sqrt(posterior_sigma(p, solution) ** 2 + common**2 + FLOOR_M**2)
-    believed = (solution.heard.kind != NONE).astype(np.float64)
-    e = np.where(believed > 0.0, p.stations.range_m - np.where(believed > 0.0, solution.heard.range_m, 0.0), 0.0)
+    away = distance_transform_edt(direct < 0.5) * p.raster.g_m if np.any(direct >= 0.5) else np.full(direct.shape, 1.0)
+    sigma = np.sqrt(
+        posterior_sigma(p, solution) ** 2 + common_sigma(p, solution, width) ** 2 + (HIDDEN_SLOPE * away) ** 2
+    )
+    e, known = residuals(p, solution.heard)
     spread = np.maximum(solution.heard.scatter_m, 2.0 * p.stations.sigma_m + 0.0005)
-    weight = np.where(believed > 0.0, 1.0 / (1.0 + (e / (2.0 * spread)) ** 2), 0.0)
-    rows, cols = p.raster.shape
-    flat = np.where(believed > 0.0, solution.heard.row * cols + solution.heard.column, 0)
-    good = np.bincount(flat, weights=weight * believed, minlength=rows * cols).reshape(rows, cols)
-    seen = np.bincount(flat, weights=believed, minlength=rows * cols).reshape(rows, cols)
-    total = uniform_filter(seen, near, mode="constant")
-    confidence = np.where(total > 1e-9, uniform_filter(good, near, mode="constant") / np.maximum(total, 1e-9), 0.0)
+    believed = known / (1.0 + (e / (2.0 * spread)) ** 2)
+    good, seen = np.zeros(p.raster.shape), np.zeros(p.raster.shape)
+    for kind in SHARED:
+        good += around(by_cell(p, solution, believed, kind), width)
+        seen += around(by_cell(p, solution, known, kind), width)
+    confidence = np.where(seen > 1e-6, good / np.maximum(seen, 1e-6), 0.0)
+    count = np.rint(np.where(direct < 0.5, rim, direct)).astype(np.int64)
     return Layers(sigma, count, regime.astype(np.uint8), np.clip(confidence, 0.0, 1.0))

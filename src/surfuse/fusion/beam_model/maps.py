@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import binary_dilation
 
 from surfuse.fusion.beam_model.domain import heard_extent, inside_outline, raster_over
 from surfuse.fusion.beam_model.echo import SPEED_OF_SOUND_M_S, BeamTable, DetectorModel, beam_table
-from surfuse.fusion.beam_model.estimate import explore, on_raster, refine, surfels_of
-from surfuse.fusion.beam_model.layers import Layers, layers
-from surfuse.fusion.beam_model.problem import Problem, problem
-from surfuse.fusion.beam_model.raster import Raster, slopes
+from surfuse.fusion.beam_model.estimate import FULL, LEAN, Effort, explore, refine, surfels_of
+from surfuse.fusion.beam_model.problem import problem
+from surfuse.fusion.beam_model.raster import Raster
 from surfuse.fusion.beam_model.stations import Stations, gather, isolated, kinds, spacing
+from surfuse.fusion.beam_model.tiles import Sheet, Tile, blank, pasted, sheet_of, sparse, tiles
 from surfuse.records import BoolArray, FloatArray, FusionScene, MapGrid, Readings, Regime, SurfaceMap
 
+# Stations a coarse cell that take part in the search; the last refinement uses all.
+MOST_A_CELL = 6
 SMALLEST_CELL_M = 0.002
 CELLS_A_WAVELENGTH = 1.8
 
@@ -78,47 +84,71 @@ def estimate_map(
         return empty_map(grid)
     tables = tables_of(scene, stations, detector)
     g = cell_size(scene, grid, step)
+    step = step if np.isfinite(step) else g
     heard = stations.foot_m
-    typical = float(np.median(stations.range_m))
-    reach_m = max(2.0 * g, typical * float(np.tan(max(t.half_angle_rad for t in tables))))
-    coarse = _problem(scene, stations, tables, grid, g, heard, reach_m, step)
-    if coarse.plate.size == 0:
+    reach_m = max(2.0 * g, float(np.median(stations.range_m)) * float(np.tan(max(t.half_angle_rad for t in tables))))
+    whole = raster_over(grid, g)
+    whole = replace(whole, domain=domain_of(scene, whole, grid, heard, reach_m))
+    if not np.any(whole.domain):
         return empty_map(grid)
-    found = explore(coarse, surfels_of(coarse), edge)
-    fine_raster = raster_over(grid, 0.5 * g)
-    fine_domain = domain_of(scene, fine_raster, grid, heard, reach_m)
-    fine = on_raster(coarse, Raster(fine_raster.u0_m, fine_raster.v0_m, 0.5 * g, fine_domain))
-    solution = refine(coarse, fine, found[0])
-    return _on_grid(fine, solution.height_m, solution.crease_m, layers(fine, solution), grid)
+    parts = tiles(whole, int(np.ceil(reach_m / g)) + 1)
+    effort = FULL if len(parts) == 1 else LEAN
+    sheet = blank(whole if len(parts) > 1 else fine_raster(scene, grid, g, heard, reach_m))
+
+    def solved(tile: Tile) -> Sheet:
+        return _solve(stations, tables, tile.raster, sheet.raster if effort.fine else None, step, edge, effort)
+
+    with ThreadPoolExecutor(min(len(parts), os.cpu_count() or 1)) as pool:
+        # The order of the tiles, not that in which they finish, decides: the map is the same on every machine.
+        for tile, piece in zip(parts, pool.map(solved, parts), strict=True):
+            sheet = pasted(sheet, piece, tile)
+    return _on_grid(sheet, grid)
 
 
-def _problem(
-    scene: FusionScene, stations: Stations, tables: tuple[BeamTable, ...], grid: MapGrid, g: float,
-    heard: FloatArray, reach_m: float, step: float,
-) -> Problem:  # fmt: skip
-    raster = raster_over(grid, g)
-    domain = domain_of(scene, raster, grid, heard, reach_m)
-    return problem(stations, tables, Raster(raster.u0_m, raster.v0_m, g, domain), step)
+def fine_raster(scene: FusionScene, grid: MapGrid, g: float, heard_m: FloatArray, reach_m: float) -> Raster:
+    """The raster of half the cell size over the same part."""
+    fine = raster_over(grid, 0.5 * g)
+    return replace(fine, domain=domain_of(scene, fine, grid, heard_m, reach_m))
 
 
-def _on_grid(p: Problem, height: FloatArray, crease: float, rest: Layers, grid: MapGrid) -> SurfaceMap:
+def _solve(
+    stations: Stations, tables: tuple[BeamTable, ...], coarse_raster: Raster, fine: Raster | None, step: float,
+    edge: float, effort: Effort,
+) -> Sheet:  # fmt: skip
+    """Estimate one raster from the stations over it."""
+    low, high = coarse_raster.extent()
+    middle = stations.position_m + stations.axis * stations.range_m[:, None]
+    pad = 0.15 * float(np.median(stations.range_m))
+    near = np.all((middle[:, :2] >= low - pad) & (middle[:, :2] <= high + pad), axis=1)
+    own = stations.select(near)
+    if len(own) == 0 or not np.any(coarse_raster.domain):
+        return blank(coarse_raster if fine is None else fine)
+    few = own.select(sparse(own, coarse_raster, MOST_A_CELL))
+    coarse = problem(few, tables, coarse_raster, step)
+    best = explore(coarse, surfels_of(coarse), edge, effort)[0]
+    if fine is None:
+        return sheet_of(coarse, best)
+    detailed = problem(own, tables, fine, step)
+    return sheet_of(detailed, refine(coarse, detailed, best))
+
+
+def _on_grid(sheet: Sheet, grid: MapGrid) -> SurfaceMap:
     """Layers at the nodes of the map: each node on the facet of the cell that contains it."""
-    r = p.raster
-    su, sv, _, _, _ = slopes(height, r.domain, r.g_m, crease)
+    r = sheet.raster
     rows, cols = r.shape
     i = np.floor((grid.u_m - r.u0_m) / r.g_m + 0.5).astype(np.int64)
     j = np.floor((grid.v_m - r.v0_m) / r.g_m + 0.5).astype(np.int64)
     ii, jj = np.clip(i, 0, cols - 1)[None, :], np.clip(j, 0, rows - 1)[:, None]
-    mask = r.domain[jj, ii] & ((i >= 0) & (i < cols))[None, :] & ((j >= 0) & (j < rows))[:, None]
+    mask = sheet.known[jj, ii] & ((i >= 0) & (i < cols))[None, :] & ((j >= 0) & (j < rows))[:, None]
     du, dv = grid.u_m - (r.u0_m + ii[0] * r.g_m), grid.v_m - (r.v0_m + jj[:, 0] * r.g_m)
-    surface = height[jj, ii] + su[jj, ii] * du[None, :] + sv[jj, ii] * dv[:, None]
+    surface = sheet.height_m[jj, ii] + sheet.slope_u[jj, ii] * du[None, :] + sheet.slope_v[jj, ii] * dv[:, None]
     return SurfaceMap(
         grid=grid,
         height_m=np.where(mask, surface, np.nan),
-        sigma_m=np.where(mask, rest.sigma_m[jj, ii], np.nan),
-        confidence=np.where(mask, rest.confidence[jj, ii], 0.0),
-        count=np.where(mask, rest.count[jj, ii], 0),
+        sigma_m=np.where(mask, sheet.sigma_m[jj, ii], np.nan),
+        confidence=np.where(mask, sheet.confidence[jj, ii], 0.0),
+        count=np.where(mask, sheet.count[jj, ii], 0),
         mask=mask,
-        regime=np.where(mask, rest.regime[jj, ii], int(Regime.EMPTY)).astype(np.uint8),
+        regime=np.where(mask, sheet.regime[jj, ii], int(Regime.EMPTY)).astype(np.uint8),
         method="beam",
     )

@@ -17,7 +17,7 @@ MARGIN_M = 0.03
 
 
 def pieces(height: FloatArray, domain: BoolArray, g_m: float, crease_m: float) -> IntArray:
-    """Number (R, C) of the smooth piece of each cell (-1 outside): neighbours belong together unless they break apart."""
+    """Number (R, C) of the smooth piece of each cell (-1 outside); neighbours share one unless they break apart."""
     su, sv, _, _, _ = slopes(height, domain, g_m, crease_m)
     cells = np.arange(height.size).reshape(height.shape)
     first, second = [], []
@@ -55,9 +55,7 @@ def reattached(p: Problem, height: FloatArray, heard: Arrivals, crease_m: float)
     return laid_onto(height, np.asarray(held), r.domain & ~held, r.g_m, crease_m)
 
 
-def laid_onto(
-    height: FloatArray, holder: BoolArray, piece: BoolArray, g_m: float, crease_m: float
-) -> FloatArray:
+def laid_onto(height: FloatArray, holder: BoolArray, piece: BoolArray, g_m: float, crease_m: float) -> FloatArray:
     """The surface (R, C) with the cells of a piece on the nearest facets of the cells that hold."""
     su, sv, _, _, _ = slopes(height, holder, g_m, crease_m)
     _, parent = distance_transform_edt(~holder, return_indices=True)

@@ -132,7 +132,7 @@ def _bandwidth(number: IntArray, offsets: IntArray, sizes: IntArray) -> int:
 
 @dataclass(frozen=True)
 class Plate:
-    """The prior over one raster: `number` (R, C) numbers the cells of the domain (-1 outside), along the shorter side."""
+    """The prior over one raster: `number` (R, C) numbers the cells of the domain, -1 outside."""
 
     domain: BoolArray
     number: IntArray
@@ -147,14 +147,14 @@ class Plate:
     def _scale(self, stiffness: Stiffness) -> FloatArray:
         second = self.g_m ** (-2.0) / stiffness.second
         third = self.g_m ** (-4.0) / stiffness.third
-        return SHARES * np.where(np.arange(len(SHARES)) < THIRD_ORDER, third, second)
+        return np.asarray(SHARES * np.where(np.arange(len(SHARES)) < THIRD_ORDER, third, second), dtype=np.float64)
 
     def energy(self, height: FloatArray, stiffness: Stiffness) -> float:
         """Minus log prior of a surface (R, C), up to its normalisation."""
         return float(_energy(height, self.number, OFFSETS, COEFFICIENTS, SIZES, self._scale(stiffness), stiffness.edge))
 
     def precision(self, height: FloatArray, stiffness: Stiffness, ridge: float) -> FloatArray:
-        """Lower band form of the prior's precision linearised at a surface; `ridge` (1/m^2) holds what nothing holds."""
+        """Lower band form of the prior's precision at a surface; `ridge` (1/m^2) holds what nothing holds."""
         band = np.zeros((self.bandwidth + 1, self.size))
         _assemble(
             height, self.number, OFFSETS, COEFFICIENTS, SIZES, self._scale(stiffness), stiffness.edge, band

@@ -33,7 +33,8 @@ RIM_SHARE = 0.2
 class Arrivals:
     """What every station should hear over one surface: M rows.
 
-    `range_m` (inf: nothing), `gain` d range / d height of the cell, `scatter_m` of the model, `kind`, `row`, `column` of what is heard.
+    `range_m` (inf: nothing), `gain` d range / d height of the cell, `scatter_m` of the model; `kind`,
+    `row`, `column` of what is heard.
     """
 
     range_m: FloatArray
@@ -119,7 +120,8 @@ def deviation(p: Problem, heard: Arrivals, temper_m: float) -> FloatArray:
     speckled = (heard.kind == SPECKLE) & ~optical
     crowd = np.where(speckled, 1.0 + np.pi * (grain / max(p.spacing_m, 1e-4)) ** 2, 1.0)
     model = np.where(heard.kind == MIRROR, MODEL_ERROR_M, 0.0)
-    return np.sqrt(s.sigma_m**2 + model**2 + crowd * heard.scatter_m**2 + temper_m**2)
+    variance = s.sigma_m**2 + model**2 + crowd * heard.scatter_m**2 + temper_m**2
+    return np.asarray(np.sqrt(variance), dtype=np.float64)
 
 
 def residuals(p: Problem, heard: Arrivals) -> tuple[FloatArray, FloatArray]:
@@ -148,4 +150,4 @@ def pulls(p: Problem, heard: Arrivals, height: FloatArray, temper_m: float) -> t
     total = np.bincount(flat, weights=weight, minlength=rows * cols)
     summed = np.bincount(flat, weights=weight * (height.ravel()[flat] - e / gain), minlength=rows * cols)
     target = np.where(total > 0.0, summed / np.where(total > 0.0, total, 1.0), 0.0)
-    return total.reshape(rows, cols), target.reshape(rows, cols)
+    return total.astype(np.float64).reshape(rows, cols), target.astype(np.float64).reshape(rows, cols)

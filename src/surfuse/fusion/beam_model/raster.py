@@ -27,7 +27,15 @@ class Raster:
     def nodes(self) -> tuple[FloatArray, FloatArray]:
         """Coordinates u (C,) and v (R,) of the nodes."""
         rows, cols = self.shape
-        return self.u0_m + self.g_m * np.arange(cols), self.v0_m + self.g_m * np.arange(rows)
+        u = self.u0_m + self.g_m * np.arange(cols, dtype=np.float64)
+        v = self.v0_m + self.g_m * np.arange(rows, dtype=np.float64)
+        return np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)
+
+    def extent(self) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest node, each (u, v)."""
+        rows, cols = self.shape
+        low = np.array([self.u0_m, self.v0_m])
+        return low, low + self.g_m * np.array([cols - 1, rows - 1])
 
     def holds(self, points_m: FloatArray) -> BoolArray:
         """Which points (M, 2 or 3) stand over a cell of the domain."""

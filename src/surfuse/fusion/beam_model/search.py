@@ -14,6 +14,8 @@ from surfuse.records import FloatArray
 # Prior standard deviation of a height about the start, so that the determinants exist.
 LOOSE_M = 0.5
 DAMPING = (1.0, 0.5, 0.2, 0.05)
+# Gain of a step, over the root of the number of stations, below which a temper is done.
+SETTLED_GAIN = 0.02
 
 
 @dataclass(frozen=True)
@@ -43,26 +45,30 @@ def descend(
 ) -> tuple[FloatArray, Arrivals]:
     """Gauss-Newton with backtracking; each step solves the linearised problem and keeps what lowers the objective."""
     heard = arrivals(p, height, crease_m)
+    settled = False
     for k, temper in enumerate(tempers_m):
+        if settled and temper == tempers_m[k - 1]:
+            continue
         now = objective(p, height, heard, stiffness, temper)
-        data, target = pulls(p, heard, height, temper)
-        band = p.plate.precision(height, stiffness, LOOSE_M**-2)
-        band[0] += p.plate.vector(data)
-        right = p.plate.vector(data * target + height * LOOSE_M**-2)
-        goal = p.plate.field(solve(factor(band), right))
-        lowered = False
+        goal = newton_goal(p, height, heard, stiffness, temper)
+        value = now
         for share in DAMPING:
             trial = height + share * (goal - height)
             there = arrivals(p, trial, crease_m)
             value = objective(p, trial, there, stiffness, temper)
             if value < now:
-                height, heard, lowered = trial, there, True
+                height, heard = trial, there
                 break
-        last = k + 1 == len(tempers_m) or tempers_m[k + 1] == temper
-        if last and (not lowered or now - value < 0.02 * len(p.stations) ** 0.5):
-            if all(t == temper for t in tempers_m[k:]):
-                break
+        settled = now - value < SETTLED_GAIN * len(p.stations) ** 0.5
     return height, heard
+
+
+def newton_goal(p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness, temper_m: float) -> FloatArray:
+    """Minimum (R, C) of the objective linearised at a surface."""
+    data, target = pulls(p, heard, height, temper_m)
+    band = p.plate.precision(height, stiffness, LOOSE_M**-2)
+    band[0] += p.plate.vector(data)
+    return p.plate.field(solve(factor(band), p.plate.vector(data * target + height * LOOSE_M**-2)))
 
 
 def evidence(p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness) -> float:

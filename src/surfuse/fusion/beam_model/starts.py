@@ -41,7 +41,7 @@ def plane(p: Problem, points_m: FloatArray) -> FloatArray:
 
 
 def quadric(p: Problem, points_m: FloatArray) -> FloatArray:
-    """Best of many quadrics (R, C) by the likelihood of all readings: curvatures on a grid, the plane fitted to each."""
+    """Best of many quadrics (R, C) by the likelihood of all readings; a plane is fitted to each curvature."""
     u, v = p.raster.nodes()
     uu, vv = np.meshgrid(u, v)
     uc, vc = float(np.mean(uu[p.raster.domain])), float(np.mean(vv[p.raster.domain]))

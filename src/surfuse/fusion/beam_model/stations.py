@@ -72,7 +72,7 @@ def usable(readings: Readings, scene: FusionScene) -> BoolArray:
     finite = np.isfinite(readings.range_m) & np.all(np.isfinite(readings.position_m), axis=1)
     with np.errstate(invalid="ignore"):
         inside = (readings.range_m >= low) & (readings.range_m <= np.minimum(high, scene.depth_max_m))
-        return (readings.status == Status.OK) & finite & inside & (towards < -0.1)
+        return np.asarray((readings.status == Status.OK) & finite & inside & (towards < -0.1), dtype=np.bool_)
 
 
 def _groups(position: FloatArray, axis: FloatArray, spec: IntArray) -> IntArray:
@@ -166,4 +166,4 @@ def isolated(stations: Stations, step_m: float) -> BoolArray:
     rise = np.abs(foot[other, 2] - foot[:, None, 2])
     noise = np.hypot(stations.sigma_m[other], stations.sigma_m[:, None])
     supported = near & (rise <= STEEPEST * 0.5 * distance[:, 1:].clip(max=reach) + 4.0 * noise + 0.002)
-    return (near.sum(axis=1) >= 4) & (supported.sum(axis=1) < 2)
+    return np.asarray((near.sum(axis=1) >= 4) & (supported.sum(axis=1) < 2), dtype=np.bool_)
