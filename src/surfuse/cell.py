@@ -12,6 +12,7 @@ from surfuse.geometry.poses import pose
 from surfuse.interfaces import Arm, Camera, Clock, RangeArray, RangeSensor
 from surfuse.motion.clearance import ClearanceModel
 from surfuse.motion.obstacles import Obstacle
+from surfuse.node.counters import BusCounters
 from surfuse.records import CameraFrame, FloatArray, IntArray, SensorSpec
 
 
@@ -30,7 +31,8 @@ class Cell:
     `ready_rad` is the posture in which joint 1 turns during the search. `shoulder_from_camera` and
     `shoulder_from_ranger` (4, 4) are poses in the frame that turns with joint 1 (origin on the floor, x outwards,
     z up). `clearance` makes the collision check for a list of obstacles. `begin` tells a twin which stop comes next;
-    a real cell ignores it. `truth` is None in a real cell.
+    a real cell ignores it. `truth` is None in a real cell. `counters` counts what happened on the bus between host and
+    array (None: there is no bus).
     """
 
     clock: Clock
@@ -46,6 +48,7 @@ class Cell:
     begin: Callable[[str, int], None]
     truth: Truth | None = None
     warnings: tuple[str, ...] = ()
+    counters: Callable[[], BusCounters] | None = None
 
     @property
     def specs(self) -> tuple[SensorSpec, ...]:

@@ -10,13 +10,15 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal, Self, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from surfuse.errors import ConfigError, nearest
 
 FILE_LIMIT_BYTES = 64 * 1024
+NO_BUS = "none"
+BUS_PINGS_LIMIT = 31  # the count of a reading has five bits on the bus
 
 Length = Annotated[float, Field(gt=0.0, le=10.0)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -95,7 +97,26 @@ class ArraySettings(Section):
 
     sensor: str = "polaroid"
     side_m: float = Field(0.05, ge=0.01, le=0.5, description="side of the square, ds")
-    pings: int = Field(5, ge=1, le=100, description="emissions averaged for one reading")
+    pings: int = Field(5, ge=1, le=100, description="emissions averaged for one reading; at most 31 over a bus")
+    trigger: Literal["sequential", "simultaneous"] = Field(
+        "sequential", description="simultaneous: all send at once and hear each other; only with bus.interface = 'none'"
+    )
+
+
+class BusSettings(Section):
+    """The CAN bus between the host and the sensor node."""
+
+    interface: str = Field(
+        "virtual", description="virtual (node in this process), none (no bus), udp_multicast, slcan, socketcan, ..."
+    )
+    channel: str = Field("", description="name, port or group of the adapter; empty: the usual one")
+    port: int = Field(43113, ge=1024, le=65535, description="UDP port of udp_multicast")
+    bitrate_bps: int = Field(1_000_000, ge=10_000, le=1_000_000)
+    node: int = Field(1, ge=1, le=7, description="address of the node")
+    connect_timeout_s: float = Field(20.0, gt=0.0, le=3600.0, description="wait for a node in another process")
+    tether_port: int = Field(
+        43114, ge=0, le=65535, description="TCP port on which a simulated node is told where the arm is; 0: none"
+    )
 
 
 class KitSettings(Section):
@@ -106,6 +127,10 @@ class KitSettings(Section):
     blanking_s: float = Field(1.9e-3, ge=0.0, le=0.02)
     gain: float = Field(1.0, gt=0.0, le=1000.0)
     tube_length_m: float = Field(0.20, ge=0.0, le=0.5)
+    sample_rate_hz: float = Field(1e6, ge=1e4, le=1e9, description="rate of the clock that counts the time of flight")
+    trigger: Literal["external", "internal"] = Field(
+        "external", description="internal: every kit on its own clock, so that neighbours disturb each other"
+    )
 
 
 class AirSettings(Section):
@@ -142,10 +167,28 @@ class Settings(Section):
     ranger: RangerSettings = RangerSettings()
     search: SearchSettings = SearchSettings()
     array: ArraySettings = ArraySettings()
+    bus: BusSettings = BusSettings()
     kit: KitSettings = KitSettings()
     air: AirSettings = AirSettings()
     scan: ScanSettings = ScanSettings()
     fusion: FusionSettings = FusionSettings()
+
+    @model_validator(mode="after")
+    def _fits_the_bus(self) -> Self:
+        if self.bus.interface == NO_BUS:
+            return self
+        if self.array.pings > BUS_PINGS_LIMIT:
+            raise ConfigError(
+                f"array.pings = {self.array.pings}, a reading on the bus counts at most {BUS_PINGS_LIMIT}",
+                cure="give fewer, or bus.interface = 'none'",
+            )
+        if self.array.trigger != "sequential":
+            raise ConfigError(
+                f"array.trigger = '{self.array.trigger}' with bus.interface = '{self.bus.interface}': "
+                "the node fires one sensor after the other",
+                cure="set bus.interface = 'none'",
+            )
+        return self
 
     @property
     def step_m(self) -> float:

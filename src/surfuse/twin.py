@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from surfuse.arms import puma560, simulated
 from surfuse.arms.puma.volume import CAPSULES, TOOL_LINK, column
+from surfuse.array_on_bus import ArrayElsewhere, ArrayInProcess, elsewhere, in_process
 from surfuse.cameras import simulated as simulated_camera
 from surfuse.cell import Cell, Truth, looking_outwards, world_from_shoulder
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
+from surfuse.interfaces import Clock, RangeSensor
 from surfuse.motion.body import body_of, fixture_capsules
 from surfuse.motion.clearance import ClearanceModel
 from surfuse.motion.obstacles import Obstacle
+from surfuse.node.link import BusParameters
 from surfuse.records import CameraModel, Fixture, FloatArray, SensorSpec
 from surfuse.sensors import polaroid, sequential
 from surfuse.sensors import simulated as simulated_sensor
-from surfuse.settings import Settings
+from surfuse.settings import NO_BUS, BusSettings, Settings
 from surfuse.world.acoustics.air import AirParameters, speed_of_sound
 from surfuse.world.acoustics.kit import KitParameters
 from surfuse.world.materials import with_roughness
 from surfuse.world.optics import OpticsParameters
-from surfuse.world.parts import PartPose, make_part
+from surfuse.world.parts import Part, PartPose, make_part
 from surfuse.world.scene import CellParameters, Scene
 from surfuse.world.scene import build_cell as build_table
+from surfuse.world.tether import HostEnd, Place
 from surfuse.world.twin import Twin, TwinParameters
 
 ARM_REACH_M = 0.86
+NODE_GROUP = "239.74.163.2"
 
 
 class SimulatedClock:
@@ -56,11 +62,7 @@ def build_cell(settings: Settings) -> Cell:
     """
     if settings.arm.name != "puma560":
         raise ConfigError(f"arm.name = '{settings.arm.name}'", cure="the simulated cell has the arm 'puma560'")
-    table = CellParameters(
-        settings.cell.table_height_m, settings.cell.table_inner_radius_m, settings.cell.table_outer_radius_m
-    )
-    part = make_part(settings.scene.name, _part_pose(settings), table)
-    world = Twin(Scene([*build_table(table), part.body]), _physics(settings), settings.seed)
+    world, part = build_world(settings)
     clock = SimulatedClock()
     kinematics = puma560.Puma560(
         pose(np.eye(3), [0.0, 0.0, settings.arm.base_height_m]),
@@ -76,14 +78,17 @@ def build_cell(settings: Settings) -> Cell:
         placed: FloatArray = world_from_shoulder(float(arm.true_joints_rad[0])) @ place
         return placed
 
-    def on_grip(index: int) -> FloatArray:
-        placed: FloatArray = arm.true_tool_pose() @ fixture.grip_from_sensor[index]
-        return placed
+    sensors = array_sensors(settings, fixture, world, arm.true_tool_pose, clock)
+    stop = _Stop()
 
-    sensors = tuple(
-        simulated_sensor.create(spec, world, partial(on_grip, index), clock, settings.array.pings)
-        for index, spec in enumerate(fixture.specs)
-    )
+    def begin(stage: str, index: int) -> None:
+        stop.stage, stop.index = stage, index
+        world.begin(stage, index)
+
+    def place() -> Place:
+        return Place(stop.stage, stop.index, clock.now_s(), arm.true_tool_pose())
+
+    array = _array(settings, fixture, sensors, clock, place)
     truth = Truth(*part.mesh())
     return Cell(
         clock=clock,
@@ -92,16 +97,73 @@ def build_cell(settings: Settings) -> Cell:
         ranger=simulated_sensor.create(
             shoulder_spec(settings), world, partial(on_shoulder, ranger_place), clock, settings.array.pings
         ),
-        array=sequential.create(fixture, sensors),
+        array=array,
         ready_rad=puma560.READY_RAD,
         shoulder_from_camera=camera_place,
         shoulder_from_ranger=ranger_place,
         clearance=partial(_clearance, kinematics, fixture, settings),
         link_poses=kinematics.link_poses,
-        begin=world.begin,
+        begin=begin,
         truth=truth,
         warnings=part.warnings,
+        counters=None if isinstance(array, sequential.SequentialArray) else lambda: array.counters,
     )
+
+
+def build_world(settings: Settings) -> tuple[Twin, Part]:
+    """The twin with the ring table and the part, and the part by itself."""
+    table = CellParameters(
+        settings.cell.table_height_m, settings.cell.table_inner_radius_m, settings.cell.table_outer_radius_m
+    )
+    part = make_part(settings.scene.name, _part_pose(settings), table)
+    return Twin(Scene([*build_table(table), part.body]), _physics(settings), settings.seed), part
+
+
+def array_sensors(
+    settings: Settings, fixture: Fixture, world: Twin, world_from_grip: Callable[[], FloatArray], clock: Clock
+) -> tuple[RangeSensor, ...]:
+    """The simulated sensors of the array, wherever the grip truly is when they fire."""
+
+    def placed(index: int) -> FloatArray:
+        found: FloatArray = world_from_grip() @ fixture.grip_from_sensor[index]
+        return found
+
+    return tuple(
+        simulated_sensor.create(spec, world, partial(placed, index), clock, settings.array.pings)
+        for index, spec in enumerate(fixture.specs)
+    )
+
+
+def bus_parameters(bus: BusSettings) -> BusParameters:
+    """The adapter between two processes, as configured."""
+    options = (("port", bus.port),) if bus.interface == "udp_multicast" else ()
+    usual = NODE_GROUP if bus.interface == "udp_multicast" else "can0"
+    return BusParameters(bus.interface, bus.channel or usual, bus.bitrate_bps, options)
+
+
+@dataclass
+class _Stop:
+    """Which random streams the twin draws from."""
+
+    stage: str = "start"
+    index: int = 0
+
+
+def _array(
+    settings: Settings,
+    fixture: Fixture,
+    sensors: tuple[RangeSensor, ...],
+    clock: Clock,
+    place: Callable[[], Place],
+) -> sequential.SequentialArray | ArrayInProcess | ArrayElsewhere:
+    """The sensors behind the configured bus."""
+    bus = settings.bus
+    if bus.interface == NO_BUS:
+        return sequential.create(fixture, sensors)
+    if bus.interface == "virtual":
+        return in_process(fixture, sensors, bus.node, clock)
+    tether = HostEnd(bus.tether_port, settings.model_dump(), place) if bus.tether_port else None
+    return elsewhere(fixture, bus_parameters(bus), bus.node, bus.connect_timeout_s, tether, clock)
 
 
 def square_fixture(settings: Settings) -> Fixture:
@@ -159,7 +221,14 @@ def _physics(settings: Settings) -> TwinParameters:
     """The kit, the air, the light and the joints as configured."""
     kit, air = settings.kit, settings.air
     return TwinParameters(
-        kit=KitParameters(kit.frequency_hz, kit.cycles, kit.blanking_s, kit.gain),
+        kit=KitParameters(
+            kit.frequency_hz,
+            kit.cycles,
+            kit.blanking_s,
+            kit.gain,
+            sample_rate_hz=kit.sample_rate_hz,
+            trigger=kit.trigger,
+        ),
         air=AirParameters(air.temperature_c, air.humidity_percent, assumed_temperature_c=air.assumed_temperature_c),
         optics=OpticsParameters(noise_levels=settings.camera.noise_levels),
         surfaces=with_roughness(settings.scene.roughness),

@@ -16,7 +16,10 @@ Examples:
     surfuse acquire tilted --seed 3 --out runs/t3
     surfuse acquire part.stl --set scene.scale=0.001 --set scene.yaw_deg=20
     surfuse acquire flat --method median --json
+    surfuse acquire relief --node udp    (against `surfuse node` in another terminal)
 """
+
+BUS_NAMES = {"udp": "udp_multicast"}
 
 
 def register(app: typer.Typer) -> None:
@@ -31,6 +34,10 @@ def acquire(
     method: options.Method = None,
     assignments: options.Set = None,
     seed: options.Seed = None,
+    node: Annotated[
+        str | None,
+        typer.Option("--node", metavar="BUS", help="Bus of a node in another process: udp, or one of python-can's."),
+    ] = None,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -42,6 +49,8 @@ def acquire(
     texts = options.overrides(assignments, method, seed)
     if scene is not None:
         texts.append(f"scene.name={options.toml_string(scene)}")
+    if node is not None:
+        texts.append(f"bus.interface={options.toml_string(BUS_NAMES.get(node, node))}")
     configuration = settings.load(cell, texts)
     with TerminalWatcher(quiet or as_json) as watcher:
         outcome = acquisition.acquire(configuration, out, watcher)

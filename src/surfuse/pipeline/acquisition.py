@@ -8,7 +8,7 @@ from pathlib import Path
 
 from surfuse.cell import Cell
 from surfuse.interfaces import FusionMethod
-from surfuse.pipeline.finishing import Finished, finish, outcome_of
+from surfuse.pipeline.finishing import Finished, bus_event, finish, outcome_of
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, Watcher
 from surfuse.pipeline.steps import go_to_start, locate, plan_for, scene_of, walk
@@ -63,6 +63,8 @@ def _acquire(run: RunFolder, settings: Settings, cell: Cell, method: FusionMetho
         scene, plan, done = _begin(progress, settings, cell, log, watcher)
         go_to_start(cell, settings, plan.outline, plan, len(done))
         state, sweeps, finished = walk(cell, plan, scene, method, done, log, watcher)
+        if (trouble := bus_event(cell)) is not None:
+            log.append_event(trouble)
     return finish(run, settings, method, state, scene, plan, sweeps, cell, watcher, complete=finished)
 
 

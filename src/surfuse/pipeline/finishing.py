@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from surfuse import __version__
 from surfuse.cell import Cell, Truth
@@ -16,10 +16,13 @@ from surfuse.pipeline.reporting import write_report
 from surfuse.pipeline.scoring import edge_m, score_data, score_rows
 from surfuse.records import FusionResult, FusionScene, Gap, MapGrid, Outline, ScanPlan, SurfaceMap, Sweep
 from surfuse.runs.folder import RunFolder
+from surfuse.runs.log_records import Level, LogEvent
 from surfuse.settings import Settings
 from surfuse.surface.compare import score
 from surfuse.surface.gridding import grid_points, lattice
 from surfuse.surface.truth import truth_around
+
+_HARMLESS = ("frames", "foreign", "triggers", "readings")
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,16 @@ class Finished:
 def surface_of(result: FusionResult, grid: MapGrid, method: str, outline: Outline | None) -> SurfaceMap:
     """The map that the method made itself, or its points on the grid."""
     return result.surface if result.surface is not None else grid_points(result.points, grid, method, outline)
+
+
+def bus_event(cell: Cell) -> LogEvent | None:
+    """What went wrong on the bus, for the log; None when nothing did, or there is no bus."""
+    counts = {} if cell.counters is None else asdict(cell.counters())
+    trouble = {name: count for name, count in counts.items() if count and name not in _HARMLESS}
+    if not trouble:
+        return None
+    text = ", ".join(f"{name} {count}" for name, count in trouble.items())
+    return LogEvent(cell.clock.now_s(), Level.WARN, "bus", text)
 
 
 def finish(
@@ -61,6 +74,7 @@ def finish(
         "stops_planned": len(plan),
         "stops_skipped": len(plan.skipped),
         "robot_time_s": robot_s,
+        "bus": None if cell.counters is None else asdict(cell.counters()),
     }
     if not complete:
         return Finished(data, [("stops done", f"{len(sweeps)} of {len(plan)}")], complete=False)

@@ -1,0 +1,162 @@
+"""The array of the simulated cell behind a sensor node: in this process, or in another one."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Protocol, Self
+
+from surfuse.interfaces import Clock, Device, RangeArray, RangeSensor
+from surfuse.node.catalogue import Catalogue
+from surfuse.node.counters import BusCounters, Tally
+from surfuse.node.firmware import Node
+from surfuse.node.link import BusLink, BusParameters, OpenBus, open_bus
+from surfuse.node.patience import Patience
+from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.records import Echo, Fixture
+from surfuse.sensors.can_array import CanArray, Parameters
+
+# A simulated node compiles its kernels at the first reading, which takes seconds on a slow machine.
+_SIMULATED_SILENCE_S = 60.0
+# Sensors that really measure may take their time: it does not pass on the simulated clock.
+_REAL_SWEEP_S = 60.0
+_numbers = itertools.count(1)
+
+
+class CountedArray(RangeArray, Protocol):
+    """An array that counts what happens on its bus."""
+
+    @property
+    def counters(self) -> BusCounters: ...
+
+
+class Tether(Device, Protocol):
+    """What tells a simulated node in another process where the arm truly is."""
+
+    def tell(self) -> None:
+        """Send the stop and the arm's place now; return when the node has taken them in."""
+
+
+class ArrayInProcess:
+    """The sensors of a fixture behind a node on the virtual bus of this process; see `in_process`."""
+
+    def __init__(self, node: Node, array: CanArray) -> None:
+        self._node, self._array, self._open = node, array, ExitStack()
+
+    def __enter__(self) -> Self:
+        with ExitStack() as opening:
+            opening.enter_context(self._node)
+            opening.enter_context(self._array)
+            self._open = opening.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.__exit__(kind, error, trace)
+
+    @property
+    def fixture(self) -> Fixture:
+        """Where the sensors sit."""
+        return self._array.fixture
+
+    @property
+    def counters(self) -> BusCounters:
+        """What happened on the bus so far."""
+        return self._array.counters
+
+    def sweep(self) -> tuple[Echo, ...]:
+        """One answer a sensor, in the order of the fixture."""
+        return self._array.sweep()
+
+
+class ArrayElsewhere:
+    """The sensors of a fixture behind a node in another process; see `elsewhere`."""
+
+    def __init__(self, array: CanArray, tether: Tether | None, clock: Clock) -> None:
+        self._array, self._tether, self._clock, self._open = array, tether, clock, ExitStack()
+
+    def __enter__(self) -> Self:
+        with ExitStack() as opening:
+            opening.enter_context(self._array)
+            if self._tether is not None:
+                opening.enter_context(self._tether)
+            self._open = opening.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.__exit__(kind, error, trace)
+
+    @property
+    def fixture(self) -> Fixture:
+        """Where the sensors sit."""
+        return self._array.fixture
+
+    @property
+    def counters(self) -> BusCounters:
+        """What happened on the bus so far."""
+        return self._array.counters
+
+    def sweep(self) -> tuple[Echo, ...]:
+        """One answer a sensor, in the order of the fixture; simulated time goes on by their firing times."""
+        if self._tether is not None:
+            self._tether.tell()
+        echoes = self._array.sweep()
+        self._clock.advance(_firing_time_s(self.fixture))
+        return echoes
+
+
+class _ArrivalClock:
+    """Stamps what arrives with the end of the sweep, which a node elsewhere lets pass on a clock of its own."""
+
+    def __init__(self, clock: Clock, sweep_s: float) -> None:
+        self._clock, self._sweep_s = clock, sweep_s
+
+    def now_s(self) -> float:
+        """The end of a sweep that begins now."""
+        return self._clock.now_s() + self._sweep_s
+
+    def advance(self, duration_s: float) -> None:
+        """Let time pass."""
+        self._clock.advance(duration_s)
+
+
+def in_process(fixture: Fixture, sensors: Sequence[RangeSensor], node: int, clock: Clock) -> ArrayInProcess:
+    """Sensors behind a node in a thread of this process, on a virtual bus that no one else is on.
+
+    `clock` is shared by both ends and the sensors.
+    """
+    bus = BusParameters("virtual", f"surfuse-{next(_numbers)}")
+    responder = Responder(sensors, clock, NodeIdentity(node), Catalogue())
+    host = Parameters(bus=bus, node=node, patience=Patience(silence_limit_s=_SIMULATED_SILENCE_S))
+    return ArrayInProcess(
+        Node(responder, BusLink(_opener(bus), clock, Tally())), _can_array(fixture, host, clock, clock)
+    )
+
+
+def elsewhere(
+    fixture: Fixture, bus: BusParameters, node: int, connect_timeout_s: float, tether: Tether | None, clock: Clock
+) -> ArrayElsewhere:
+    """Sensors behind a node in another process; `tether` is for a node whose sensors are simulated."""
+    patience = Patience(silence_limit_s=_SIMULATED_SILENCE_S, connect_timeout_s=connect_timeout_s)
+    sweep_s = _REAL_SWEEP_S if tether is None else _firing_time_s(fixture)
+    host = Parameters(bus=bus, node=node, patience=patience)
+    return ArrayElsewhere(_can_array(fixture, host, clock, _ArrivalClock(clock, sweep_s)), tether, clock)
+
+
+def _can_array(fixture: Fixture, parameters: Parameters, clock: Clock, arrivals: Clock) -> CanArray:
+    tally = Tally()
+    return CanArray(fixture, parameters, BusLink(_opener(parameters.bus), arrivals, tally), clock, tally)
+
+
+def _opener(bus: BusParameters) -> OpenBus:
+    return lambda: open_bus(bus)
+
+
+def _firing_time_s(fixture: Fixture) -> float:
+    """How long a sweep takes."""
+    return sum(spec.firing_time_s for spec in fixture.specs)
