@@ -78,15 +78,17 @@ def median_sites(points_m: FloatArray, sigma_m: FloatArray, pitch_m: float) -> S
 
 
 def mean_sites(points_m: FloatArray, sigma_m: FloatArray, pitch_m: float) -> Sites:
-    """Mean height of the points (N, 3) of each cell, with the larger of internal and external error (Birge 1932)."""
+    """Inverse-variance mean height of the points (N, 3) of each cell.
+
+    Sigma is the larger of internal and external error (Birge, Phys. Rev. 40 (1932) 207).
+    """
     group = groups(points_m[:, :2], pitch_m)
     n = int(group.max(initial=-1)) + 1
-    count = np.bincount(group, minlength=n)
-    height = summed(points_m[:, 2], group, n) / count
-    internal = summed(sigma_m**2, group, n) / count**2
-    squares = summed((points_m[:, 2] - height[group]) ** 2, group, n)
-    external = squares / (count * np.maximum(count - 1, 1))
-    return Sites(_centres(points_m, group, count), height, np.sqrt(np.maximum(internal, external)), count)
+    count, weight = np.bincount(group, minlength=n), 1.0 / sigma_m**2
+    total = summed(weight, group, n)
+    height = summed(weight * points_m[:, 2], group, n) / total
+    misfit = summed(weight * (points_m[:, 2] - height[group]) ** 2, group, n) / np.maximum(count - 1, 1)
+    return Sites(_centres(points_m, group, count), height, np.sqrt(np.maximum(misfit, 1.0) / total), count)
 
 
 def _centres(points_m: FloatArray, group: IntArray, count: IntArray) -> FloatArray:
