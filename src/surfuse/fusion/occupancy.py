@@ -1,0 +1,217 @@
+"""Bayesian occupancy of voxels, as log-odds; the surface is where a column turns from empty to occupied.
+
+Log-odds that add up over the readings: Moravec and Elfes, High Resolution Maps from Wide Angle Sonar, Proc. IEEE Int.
+Conf. Robotics and Automation (1985) 116-121; Elfes, Computer 22(6) (1989) 46-57. Profile along the beam: Konolige,
+Improved Occupancy Grids for Map Building, Autonomous Robots 4 (1997) 351-367. There a cell at range z answers with
+probability alpha, and its range is normal with deviation delta about z; an echo of something else comes from anywhere
+with density F. An empty cell leaves the range to the others. Hence for a reading r the likelihood ratio of occupied to
+empty
+
+    L(z) = ln(1 + alpha share N(r; z, delta) / F) + ln(1 - alpha Phi((r - z) / delta))
+
+positive about the reading, negative in front of it, 0 behind. Across the beam alpha falls as 1 - (angle / half angle)^2
+(Moravec and Elfes). `share` is one over the cells of the cone's cap, weighted alike: one of them answered, as in the
+normalisation of Moravec and Elfes; without it the whole cap would count as surface.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from surfuse.confidence.gate import GateParameters
+from surfuse.confidence.parameters import check_within
+from surfuse.fusion.field_methods.cones import columns_within, nearest_node, off_axis, shell
+from surfuse.fusion.field_methods.mapwise import Estimate, mapwise
+from surfuse.fusion.field_methods.places import covered
+from surfuse.fusion.field_methods.support import telling
+from surfuse.fusion.field_methods.survey import Survey
+from surfuse.fusion.field_methods.voxels import columns_over
+from surfuse.geometry.compiled import compiled
+from surfuse.interfaces import FusionMethod
+from surfuse.records import BoolArray, FloatArray, MapGrid
+
+SUMMARY = "Bayesian occupancy of voxels (Moravec, Elfes; Konolige's sonar model), surface at the crossing"
+
+FAR = 4.0
+"""Deviations from a reading beyond which a cell is empty, or says nothing."""
+
+CERTAIN = 30.0
+"""Log-odds beyond which a voxel is no surer."""
+
+
+@dataclass(frozen=True)
+class Parameters(GateParameters):
+    """Constants of the sonar model and of the grid.
+
+    voxel_m : height of a voxel; higher where the map would need more than 60 million. Default 1 mm.
+    detection : alpha, the probability that an occupied cell on the axis answers. Default 0.6 (Konolige).
+    delta_m : least standard deviation of a range about its cell. Default 1 mm, a voxel; the sensor's own if larger.
+    other_echo_per_m : F, density of ranges that come from elsewhere in the cone. Default 10: an echo that is not this
+        cell's is another's, from anywhere within 10 cm of depth. Unit 1/m.
+    gate_footprints, gate_allowance_m : validation, see `GateParameters`.
+    """
+
+    voxel_m: float = 0.001
+    detection: float = 0.6
+    delta_m: float = 0.001
+    other_echo_per_m: float = 10.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_within("occupancy", "detection", self.detection, 0.01, 0.99)
+        for name in ("voxel_m", "delta_m", "other_echo_per_m"):
+            check_within("occupancy", name, getattr(self, name), 1e-6, float("inf"))
+
+
+@compiled
+def evidence(z_m: float, range_m: float, alpha: float, share: float, delta_m: float, other_per_m: float) -> float:
+    """Log likelihood ratio of occupied to empty for a cell at range z from a reading r (see the module)."""
+    x = (range_m - z_m) / delta_m
+    if x < -FAR:
+        return 0.0
+    if x > FAR:
+        return math.log1p(-alpha)
+    density = math.exp(-0.5 * x * x) / (2.5066282746310002 * delta_m)
+    before = 0.5 * math.erfc(-x / 1.4142135623730951)
+    return math.log1p(alpha * share * density / other_per_m) + math.log1p(-alpha * before)
+
+
+@compiled
+def _share(
+    s: FloatArray, a: FloatArray, r: float, spread: float, box: tuple[int, int, int, int], u: FloatArray, v: FloatArray
+) -> float:
+    """One over the columns of the cone's cap, each weighted by 1 - (angle / half angle)^2."""
+    total, (c0, c1, r0, r1) = 0.0, box
+    for k in range(r0, r1):
+        for c in range(c0, c1):
+            _, angle = shell(u[c] - s[0], v[k] - s[1], a, r, spread)
+            if angle < 1.0:
+                total += 1.0 - angle * angle
+    return 1.0 / max(total, 1.0)
+
+
+@compiled
+def log_odds(
+    start: FloatArray,
+    axis: FloatArray,
+    range_m: FloatArray,
+    spread: FloatArray,
+    delta: FloatArray,
+    u: FloatArray,
+    v: FloatArray,
+    wanted: BoolArray,
+    bottom: float,
+    size: float,
+    count: int,
+    detection: float,
+    other_per_m: float,
+) -> FloatArray:
+    """Summed log-odds (R, C, Z) of all voxels, voxel 0 at the bottom; unwanted columns stay 0.
+
+    A sensor that measures along its axis speaks for the column that it meets, with share 1.
+    """  # fmt: skip
+    odds = np.zeros((len(v), len(u), count))
+    for i in range(range_m.shape[0]):
+        s, a, r = start[i], axis[i], range_m[i]
+        if spread[i] == 0.0:
+            k, c = nearest_node(s[0] + r * a[0], s[1] + r * a[1], u, v)
+            if k >= 0 and wanted[k, c]:
+                foot = s[2] + r * a[2]
+                for q in range(count):
+                    # Along a slanted axis a height of h is h / |a_w| of range.
+                    z = r + (foot - bottom - q * size) / abs(a[2])
+                    odds[k, c, q] += evidence(z, r, detection, 1.0, delta[i], other_per_m)
+            continue
+        box = columns_within(s, a, r, spread[i], u, v)
+        share = _share(s, a, r, spread[i], box, u, v)
+        cos_edge = math.cos(spread[i])
+        c0, c1, r0, r1 = box
+        for k in range(r0, r1):
+            for c in range(c0, c1):
+                if not wanted[k, c]:
+                    continue
+                du, dv = u[c] - s[0], v[k] - s[1]
+                side = du * du + dv * dv
+                behind = r + FAR * delta[i]
+                if side >= behind * behind:
+                    continue
+                lowest = s[2] - math.sqrt(behind * behind - side)
+                first = max(0, int(np.ceil((lowest - bottom) / size)))
+                for q in range(first, count):
+                    drop = s[2] - bottom - q * size
+                    z = math.sqrt(side + drop * drop)
+                    if drop <= 0.0 or du * a[0] + dv * a[1] - drop * a[2] < z * cos_edge:
+                        continue
+                    angle = off_axis(du, dv, drop, a, z, spread[i])
+                    alpha = detection * (1.0 - angle * angle)
+                    if alpha > 0.0:
+                        odds[k, c, q] += evidence(z, r, alpha, share, delta[i], other_per_m)
+    return odds
+
+
+@compiled
+def crossing(odds: FloatArray, bottom: float, size: float) -> tuple[float, float]:
+    """Height where a column (Z,) turns occupied, seen from above, and its standard deviation; nan where it never does.
+
+    The highest voxel with positive odds that lies below an empty one, or below everything; between the two the
+    crossing is linear. The deviation is that of the first occupied voxel met from above, plus that of a voxel.
+    """
+    top = odds.shape[0] - 1
+    found = -1
+    for q in range(top, -1, -1):
+        if odds[q] > 0.0:
+            found = q
+            break
+    if found < 0:
+        return np.nan, np.nan
+    height = bottom + found * size
+    if found < top and odds[found + 1] < 0.0:
+        height += size * odds[found] / (odds[found] - odds[found + 1])
+    open_, mass, mean, square = 1.0, 0.0, 0.0, 0.0
+    for q in range(top, -1, -1):
+        if odds[q] == 0.0:
+            continue
+        occupied = 1.0 / (1.0 + math.exp(-min(max(odds[q], -CERTAIN), CERTAIN)))
+        first, offset = open_ * occupied, (q - found) * size
+        mass, mean, square = mass + first, mean + first * offset, square + first * offset * offset
+        open_ *= 1.0 - occupied
+    variance = square / mass - (mean / mass) ** 2 if mass > 0.0 else 0.0
+    return height, math.sqrt(max(variance, 0.0) + size * size / 12.0)
+
+
+@compiled
+def crossings(odds: FloatArray, wanted: BoolArray, bottom: float, size: float) -> tuple[FloatArray, FloatArray]:
+    """Height and standard deviation (R, C) of the crossings of all wanted columns."""
+    height, sigma = np.full(wanted.shape, np.nan), np.full(wanted.shape, np.nan)
+    for k in range(wanted.shape[0]):
+        for c in range(wanted.shape[1]):
+            if wanted[k, c]:
+                height[k, c], sigma[k, c] = crossing(odds[k, c], bottom, size)
+    return height, sigma
+
+
+def create(parameters: Parameters) -> FusionMethod:
+    """The method with these parameters."""
+
+    def estimate(heard: Survey, grid: MapGrid) -> Estimate:
+        used = telling(heard, grid)
+        kept, wanted = heard.select(used), np.zeros(grid.shape, dtype=np.bool_)
+        nothing = np.full(grid.shape, np.nan)
+        if len(kept) == 0:
+            return Estimate(nothing, nothing, used)
+        wanted = covered(kept, grid)
+        delta = np.maximum(kept.sigma_m, parameters.delta_m)
+        z = columns_over(kept, grid, parameters.voxel_m, 2.0 * FAR * float(np.max(delta)))
+        odds = log_odds(
+            kept.start_m, kept.axis, kept.range_m, kept.spread_rad, np.maximum(delta, z.height_m),
+            np.ascontiguousarray(grid.u_m), np.ascontiguousarray(grid.v_m), wanted, z.bottom_m, z.height_m, z.count,
+            parameters.detection, parameters.other_echo_per_m,
+        )  # fmt: skip
+        height, sigma = crossings(odds, wanted, z.bottom_m, z.height_m)
+        # The readings of overlapping cones repeat each other: no crossing is known better than one of them.
+        return Estimate(height, np.hypot(sigma, float(np.median(delta))), used)
+
+    return mapwise("occupancy", parameters, estimate)
