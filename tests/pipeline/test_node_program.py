@@ -1,0 +1,154 @@
+"""The program of a node: as a process of its own with simulated sensors, and what its file may say."""
+
+import json
+import math
+import signal
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+from surfuse.errors import ConfigError, DeviceError
+from surfuse.node.counters import Tally
+from surfuse.node.firmware import MonotonicClock
+from surfuse.node.link import BusLink, BusParameters, open_bus
+from surfuse.node.messages import Frame
+from surfuse.pipeline.node_program import TetheredSensors, node, read_node_file
+from surfuse.records import Status
+from surfuse.settings import load
+from surfuse.twin import build_cell
+from surfuse.world.tether import HostEnd, NodeEnd, Place
+
+PORT, TETHER = 43_279, 43_280
+COMMAND = [sys.executable, "-c", "from surfuse.cli import main; main()", "node"]
+COMMAND += ["--port", str(PORT), "--tether-port", str(TETHER), "--json"]
+
+
+def multicast_works():
+    pytest.importorskip("msgpack")
+    bus, clock = BusParameters("udp_multicast", "239.74.163.2", options=(("port", PORT + 7),)), MonotonicClock()
+    try:
+        ends = [BusLink(lambda: open_bus(bus), clock, Tally()) for _ in range(2)]
+        with ends[0], ends[1]:
+            ends[0].send(Frame(0x7EF, b"probe"))
+            return ends[1].receive(1.0) is not None
+    except DeviceError:
+        return False
+
+
+def readings(*overrides):
+    cell = build_cell(load(None, ["scene.name=tilted", "array.pings=3", "seed=5", *overrides]))
+    with cell.opened():
+        joints = cell.arm.joint_state().position_rad.copy()
+        found = []
+        for stop in (2, 4):
+            joints[0] = math.radians(33.0 + stop)
+            cell.begin("stop", stop)
+            cell.arm.move_to(joints)
+            found += cell.array.sweep()
+    return [(e.range_m, e.spread_m, e.amplitude, e.status, e.count, round(e.t_s, 6)) for e in found]
+
+
+def test_a_node_in_another_process_gives_the_same_numbers_and_ends_cleanly():
+    if not multicast_works():
+        pytest.skip("this machine does not pass multicast on loopback")
+    process = subprocess.Popen(COMMAND, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert "4 simulated sensors" in process.stderr.readline()
+        over_udp = readings("bus.interface=udp_multicast", f"bus.port={PORT}", f"bus.tether_port={TETHER}")
+        again = readings("bus.interface=udp_multicast", f"bus.port={PORT}", f"bus.tether_port={TETHER}")
+    finally:
+        process.send_signal(signal.SIGINT)
+        printed, errors = process.communicate(timeout=20)
+    assert (process.returncode, errors) == (0, "")
+    assert json.loads(printed)["sensors"] == ["us0", "us1", "us2", "us3"]
+    plain = readings("bus.interface=none")
+    np.testing.assert_array_equal(np.array(over_udp), np.array(plain))
+    np.testing.assert_array_equal(np.array(again), np.array(plain))
+
+
+def place():
+    return Place("stop", 1, 2.5, np.eye(4))
+
+
+def test_the_tether_carries_places_exactly_and_passes_on_refusals():
+    told, lock = [], threading.Lock()
+
+    def configure(tree):
+        if tree != {"seed": 3}:
+            raise ConfigError("wrong tree")
+
+    def move(found):
+        with lock:
+            told.append(found)
+
+    with NodeEnd(0, configure, move) as end:
+        with HostEnd(end.port, {"seed": 3}, place) as host:
+            host.tell()
+        with pytest.raises(DeviceError, match="wrong tree"), HostEnd(end.port, {"seed": 4}, place):
+            pass
+    assert (told[0].stage, told[0].index, told[0].t_s) == ("stop", 1, 2.5)
+    np.testing.assert_array_equal(told[0].world_from_grip, np.eye(4))
+
+
+def test_nobody_at_the_other_end_of_the_tether_is_an_error_with_a_cure():
+    with NodeEnd(0, lambda tree: None, lambda found: None) as end:
+        port = end.port
+    with pytest.raises(DeviceError, match="surfuse node"), HostEnd(port, {}, place):
+        pass
+
+
+def test_a_simulated_sensor_without_a_host_says_so():
+    sensors = TetheredSensors()
+    with pytest.raises(DeviceError, match="no host"):
+        sensors.sensors[0].fire()
+    sensors.configure({"bus": {"interface": "none"}})
+    with pytest.raises(DeviceError, match="where the arm is"):
+        sensors.sensors[0].fire()
+    sensors.move(Place("stop", 0, 0.0, np.diag([1.0, -1.0, -1.0, 1.0])))
+    assert sensors.sensors[0].fire().status in tuple(Status)
+
+
+def written(tmp_path, text):
+    path = tmp_path / "node.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_node_file_names_bus_and_sensors_and_options_win(tmp_path):
+    path = written(
+        tmp_path,
+        'pings = 7\n[bus]\ninterface = "socketcan"\nchannel = "can3"\n'
+        '[[sensor]]\nplugin = "tfmini"\nport = "/dev/ttyUSB0"\nmodel = "tfmini-s"\n',
+    )
+    found = read_node_file(path, {"channel": "can4", "node": None})
+    assert (found.bus.interface, found.bus.channel, found.pings) == ("socketcan", "can4", 7)
+    assert found.sensors == (("tfmini", {"port": "/dev/ttyUSB0", "model": "tfmini-s"}),)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "no sensor"),
+        ("pings = 40\n", "pings = 40"),
+        ('[[sensor]]\nplugin = "tfmimi"\n', "did you mean 'tfmini'"),
+        ('[[sensor]]\nplugin = "tfmini"\nmodel = "tfmini-s"\n', "lacks port"),
+        ('[[sensor]]\nplugin = "tfmini"\nport = "x"\nmodle = "y"\n', "did you mean 'model'"),
+        ("[[sensor]]\nport = 3\n", "without plugin"),
+        ("[sensors]\n", "did you mean 'sensor'"),
+        ('[bus]\ninterface = "virtual"\n[[sensor]]\nplugin = "a02yyuw"\nport = "x"\n', "does not leave this process"),
+        ('[bus]\nnodes = 3\n[[sensor]]\nplugin = "a02yyuw"\nport = "x"\n', "did you mean 'node'"),
+    ],
+)
+def test_a_wrong_node_file_is_refused_with_a_cure(tmp_path, text, told):
+    with pytest.raises(ConfigError) as caught:
+        read_node_file(written(tmp_path, text), {})
+    assert told in str(caught.value)
+
+
+def test_a_sensor_that_is_not_there_ends_the_program(tmp_path):
+    path = written(tmp_path, '[[sensor]]\nplugin = "a02yyuw"\nport = "/dev/surfuse-none"\n')
+    with pytest.raises(DeviceError, match="surfuse-none"):
+        node(path, {}, threading.Event(), lambda text: None)
