@@ -7,11 +7,17 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import numpy as np
+
 from surfuse import __version__, registry, settings
+from surfuse.acquire.station import take_sweep
 from surfuse.cell import Cell
 from surfuse.errors import SurfuseError
+from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, SilentWatcher
-from surfuse.pipeline.steps import locate, plan_for
+from surfuse.pipeline.steps import locate, plan_for, scene_of
+from surfuse.records import Outline, ScanPlan, Status
+from surfuse.surface.gridding import lattice
 from surfuse.twin import build_cell
 
 _CORE = ("numpy", "scipy", "numba", "embreex", "trimesh", "opencv-python-headless", "mcap", "h5netcdf", "viser")
@@ -72,4 +78,23 @@ def _reach(built: Cell, chosen: settings.Settings) -> list[Check]:
     return [
         ("camera", f"sees a part of {size[0]:.0f} x {size[1]:.0f} mm after {part.pictures} pictures", True),
         ("reach", f"{len(plan)} of {len(plan) + len(plan.skipped)} stops can be visited", True),
+        *_fusion(built, chosen, part.outline, plan),
+    ]
+
+
+def _fusion(built: Cell, chosen: settings.Settings, outline: Outline, plan: ScanPlan) -> list[Check]:
+    """One sweep of the array, through the whole fusion: this also compiles all that a scan needs, once."""
+    built.arm.move_to(plan.joints_rad[len(plan) // 2])
+    sweep = take_sweep(0, 0, built.arm.joint_state(), built.arm.kinematics, built.array)
+    method = create_method(chosen.fusion)
+    scene = scene_of(built, chosen, outline, plan)
+    state = method.start(scene)
+    method.step(state, sweep)
+    grid = lattice(plan.uv_m, scene.world_from_part)
+    fused = method.finish(state, grid).points
+    echoes = int((sweep.status == int(Status.OK)).sum())
+    value = f"{fused.depth_m[0]:.3f} m" if np.isfinite(fused.depth_m[0]) else "no value (all readings were refused)"
+    return [
+        ("array", f"{echoes} of {len(sweep.sensor)} sensors hear the part", echoes > 0),
+        ("fusion", f"method '{method.name}' is compiled; the middle of the part is at {value}", True),
     ]
