@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from surfuse.errors import DataError
 from surfuse.pipeline.map_files import map_path, read_map
 from surfuse.pipeline.outcome import Outcome
 from surfuse.records import FloatArray, IntArray, MapGrid, Score, SurfaceMap
@@ -23,6 +24,12 @@ def evaluate(surface_path: Path, truth_path: Path, scale: float) -> Outcome:
     surface = read_map(surface_path)
     truth = read_truth(truth_path, surface.grid, scale)
     found = score(surface, truth)
+    if found.cells == 0:
+        raise DataError(
+            "map and truth have no cell in common",
+            where=str(truth_path),
+            cure="give truth in the frame of the readings and in metres (see --scale)",
+        )
     summary: dict[str, object] = {"map": str(map_path(surface_path)), "truth": str(truth_path), **score_data(found)}
     return Outcome({**summary, "method": surface.method}, score_rows(found))
 
