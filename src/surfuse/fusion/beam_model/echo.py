@@ -176,8 +176,9 @@ def _smooth(two_way: FloatArray, wavelength_m: float, rise_m: float, range_m: fl
     mirror, rim = np.zeros(len(OFF_AXIS)), np.zeros(len(OFF_AXIS))
     if optical:
         return mirror, rim
-    audible = np.flatnonzero(two_way > model.threshold)
-    widest = float(OFF_AXIS[audible[-1]]) * 1.15
+    # The main lobe only, a little wider than for a far plane: the first Fresnel zone blurs it.
+    silent = np.flatnonzero(two_way < model.threshold)
+    widest = 1.25 * float(OFF_AXIS[silent[0]]) if len(silent) else float(OFF_AXIS[-1])
     angles = np.linspace(0.0, widest, SMOOTH_ANGLES)
     origin, bins = 0.85 * range_m, round(0.35 * range_m / FINE_BIN_M)
     half = range_m * float(np.tan(min(2.0 * widest + 0.05, 0.9)))

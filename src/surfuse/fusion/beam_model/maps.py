@@ -86,7 +86,7 @@ def estimate_map(
     g = cell_size(scene, grid, step)
     step = step if np.isfinite(step) else g
     heard = stations.foot_m
-    reach_m = max(2.0 * g, float(np.median(stations.range_m)) * float(np.tan(max(t.half_angle_rad for t in tables))))
+    reach_m = max(1.1 * g, float(np.median(stations.range_m)) * float(np.tan(max(t.half_angle_rad for t in tables))))
     whole = raster_over(grid, g)
     whole = replace(whole, domain=domain_of(scene, whole, grid, heard, reach_m))
     if not np.any(whole.domain):

@@ -1,0 +1,74 @@
+"""The beam-aware method: wall time, time a reading and peak memory against the number of readings.
+
+    OMP_NUM_THREADS=1 python benchmarks/bench_beam.py [readings ...]
+
+The surface is a gently waved plate with one step, heard at its distance along the axis: enough for the cost, which does
+not depend on how the ranges were made. Accuracy is measured elsewhere, on scans of physical simulators.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+
+import numpy as np
+
+from surfuse.fusion import beam
+from surfuse.geometry.poses import pose, rotation_about
+from surfuse.records import FusionScene, MapGrid, Readings, SensorSpec
+
+SPEC = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 3e-4, frequency_hz=63e3, aperture_m=0.04)
+CORNERS = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) * 0.025
+STEP_M = 0.01
+
+
+def surface(u: np.ndarray, v: np.ndarray, edge: float) -> np.ndarray:
+    return 0.004 * np.sin(4.0 * u) * np.cos(3.0 * v) + np.where(u > edge, 0.03, 0.0)
+
+
+def scan(count: int) -> tuple[FusionScene, Readings, MapGrid, float]:
+    """About `count` readings of four sensors on a square raster."""
+    side = round((count / 4) ** 0.5)
+    axis = np.arange(side) * STEP_M
+    edge = (side // 2 - 0.5) * STEP_M
+    u, v = np.meshgrid(axis, axis)
+    m = u.size
+    uv = (np.column_stack([u.ravel(), v.ravel()])[:, None, :] + CORNERS).reshape(-1, 2)
+    rng = np.random.default_rng(0)
+    ranges = 0.43 - surface(uv[:, 0], uv[:, 1], edge) + rng.normal(0.0, 3e-4, 4 * m)
+    late = rng.random(4 * m) < 0.01
+    ranges[late] += rng.exponential(0.05, late.sum())
+    grip = np.tile(pose(rotation_about([1, 0, 0], np.pi), [0, 0, 0.43]), (m, 1, 1))
+    grip[:, 0, 3], grip[:, 1, 3] = u.ravel(), v.ravel()
+    readings = Readings(
+        specs=(SPEC,) * 4, t_s=np.arange(4 * m) * 0.05, sensor=np.tile(np.arange(4), m),
+        position_m=np.column_stack([uv, np.full(4 * m, 0.43)]), axis=np.tile([0.0, 0.0, -1.0], (4 * m, 1)),
+        range_m=ranges, status=np.zeros(4 * m), amplitude=np.ones(4 * m), sigma_m=np.full(4 * m, np.nan),
+        count=np.ones(4 * m), start=np.arange(m + 1) * 4, stop=np.arange(m), row=np.repeat(np.arange(side), side),
+        world_from_grip=grip,
+    )  # fmt: skip
+    return FusionScene((SPEC,) * 4, np.eye(4)), readings, MapGrid(axis, axis, np.eye(4)), edge
+
+
+def main() -> None:
+    counts = [int(float(text)) for text in sys.argv[1:]] or [2_500, 10_000, 100_000, 300_000]
+    method = beam.create(beam.Parameters())
+    scene, readings, grid, _ = scan(2_500)
+    method.replay(scene, readings, grid)
+    print("  readings   wall s    cpu s   us each   rmse mm   peak MiB")
+    for count in counts:
+        scene, readings, grid, edge = scan(count)
+        wall, cpu = time.perf_counter(), time.process_time()
+        result = method.replay(scene, readings, grid).surface
+        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+        assert result is not None
+        error = (result.height_m - surface(*np.meshgrid(grid.u_m, grid.v_m), edge))[result.mask]
+        rmse = 1e3 * float(np.sqrt(np.mean(error**2)))
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        n = len(readings.t_s)
+        print(f"{n:10d} {wall:8.2f} {cpu:8.2f} {1e6 * cpu / n:9.1f} {rmse:9.2f} {peak:10.0f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
