@@ -1,0 +1,210 @@
+"""An arm behind TRC004 servo cards: joints are driven by torques at 1 kHz, positions come from encoder counters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from surfuse.arms.cards.calibration import Calibration, calibrate
+from surfuse.arms.cards.registers import CardBus
+from surfuse.arms.cards.scales import STANDARD_SCALES, CardScales
+from surfuse.arms.cards.servo import JointServo
+from surfuse.arms.cards.supervision import STANDARD_SUPERVISION, Supervision
+from surfuse.errors import ConfigError, DeviceError, SafetyStopError
+from surfuse.interfaces import Clock, Kinematics
+from surfuse.motion.control.law import ControlLaw
+from surfuse.motion.limits import JointLimits, check_position, check_velocity
+from surfuse.motion.trajectory import Trajectory
+from surfuse.records import FloatArray, JointState
+
+Guard = Callable[[FloatArray, FloatArray], None]
+Planner = Callable[[FloatArray, FloatArray], Trajectory]
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """How the arm comes to rest, and what stops it.
+
+    `settle_rad`: a joint nearer to its target than this has arrived. `settle_ticks`: for how many ticks in a row all
+    joints must have. `settle_timeout_s`: longest wait for that. `rest_s`: further rest after it.
+    """
+
+    settle_rad: float = 2e-4
+    settle_ticks: int = 20
+    settle_timeout_s: float = 3.0
+    rest_s: float = 0.0
+    scales: CardScales = STANDARD_SCALES
+    supervision: Supervision = STANDARD_SUPERVISION
+
+    def __post_init__(self) -> None:
+        for name in ("settle_rad", "settle_timeout_s"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise ConfigError(f"{name} = {getattr(self, name)}", cure="give a positive value")
+        if self.settle_ticks < 1:
+            raise ConfigError(f"settle_ticks = {self.settle_ticks}", cure="give 1 or more")
+        if not (np.isfinite(self.rest_s) and self.rest_s >= 0.0):
+            raise ConfigError(f"rest_s = {self.rest_s}", cure="give a time of 0 s or more")
+
+
+class TridentArm:
+    """See `create`."""
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        bus: CardBus,
+        clock: Clock,
+        limits: JointLimits,
+        law: ControlLaw,
+        planner: Planner,
+        reference: Calibration | FloatArray,
+        parameters: Parameters,
+        guard: Guard | None,
+    ) -> None:
+        self._kinematics = kinematics
+        self._bus = bus
+        self._clock = clock
+        self._limits = limits
+        self._law = law
+        self._planner = planner
+        self._reference = reference
+        self._parameters = parameters
+        self._guard = guard
+        self._servo = JointServo(bus, parameters.scales, law, parameters.supervision)
+        self._target_rad = np.full(len(limits), np.nan)
+
+    def __enter__(self) -> Self:
+        self._servo.connect()
+        if isinstance(self._reference, Calibration):
+            self._target_rad = calibrate(self._bus, self._servo, self._law, self._parameters.scales, self._reference)
+        else:
+            self._servo.set_position(self._reference)
+            self._target_rad = self._servo.power_on()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._servo.power_off()
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Kinematics with the grip as tool."""
+        return self._kinematics
+
+    @property
+    def servo(self) -> JointServo:
+        """The servo loop, for studies of the motion itself."""
+        return self._servo
+
+    @property
+    def target_rad(self) -> FloatArray:
+        """Where the arm was last told to be (J,)."""
+        return self._target_rad.copy()
+
+    def joint_state(self) -> JointState:
+        """What the encoders show, in whole counts."""
+        return JointState(self._servo.read_position(), self._clock.now_s())
+
+    def move_to(self, joints_rad: FloatArray) -> JointState:
+        """Go there and settle.
+
+        Raises
+        ------
+        SafetyStopError : the target is outside a limit or the guard refuses the way, and the arm has not moved; or
+            supervision stopped the arm on the way (at rest, power off, brakes on).
+        DeviceError : the card does not answer, or a joint did not settle.
+        """
+        check_position(joints_rad, self._limits)
+        self._check_running()
+        target = np.array(joints_rad, dtype=np.float64)
+        if self._guard is not None:
+            self._guard(self._target_rad, target)
+        self.follow(self._planner(self._target_rad, target))
+        self.settle()
+        return self.joint_state()
+
+    def follow(self, trajectory: Trajectory) -> None:
+        """Run a motion that begins where the arm is, without waiting for it to settle.
+
+        Raises
+        ------
+        SafetyStopError, DeviceError : as `move_to`.
+        """
+        self._check_running()
+        commands = self._law.commands(trajectory)
+        if len(commands):
+            for end in (commands.position_rad.min(axis=0), commands.position_rad.max(axis=0)):
+                check_position(end, self._limits)
+            check_velocity(commands.velocity_rad_s, self._limits)
+            self._target_rad = commands.position_rad[-1].copy()
+            self._servo.run(commands)
+
+    def settle(self) -> None:
+        """Hold the target until every joint is there and stays.
+
+        Raises
+        ------
+        DeviceError : a joint did not arrive in time.
+        """
+        period, wanted = self._law.period_s, self._parameters
+        arrived = 0
+        for _ in range(int(wanted.settle_timeout_s / period)):
+            self._servo.hold(self._target_rad, 1)
+            off = np.abs(self._target_rad - self._servo.position_rad)
+            arrived = arrived + 1 if off.max() <= wanted.settle_rad else 0
+            if arrived >= wanted.settle_ticks:
+                self._servo.hold(self._target_rad, round(wanted.rest_s / period))
+                return
+        j = int(np.argmax(off))
+        raise DeviceError(
+            f"joint {j + 1} is still {np.degrees(off[j]):.3f} deg from its target after {wanted.settle_timeout_s:g} s, "
+            f"at most {np.degrees(wanted.settle_rad):.3f} deg",
+            cure="raise settle_rad or settle_timeout_s, or take a control law that overcomes friction",
+        )
+
+    def emergency_stop(self, why: str = "emergency stop asked for by the program") -> JointState:
+        """Cut the power and close the brakes; returns where the arm came to rest. Moves are refused until `recover`."""
+        self._servo.stop(why)
+        return self.joint_state()
+
+    def recover(self) -> JointState:
+        """After a stop whose cause is gone: power on, hold where the arm is. The counters have not lost the position.
+
+        Raises
+        ------
+        DeviceError : the card gives no power.
+        """
+        if not self._servo.running:
+            self._target_rad = self._servo.power_on()
+        return self.joint_state()
+
+    def _check_running(self) -> None:
+        if not self._servo.running:
+            raise SafetyStopError(
+                f"the arm is stopped: {self._servo.stopped_because}", cure="find the cause, then recover the arm"
+            )
+
+
+def create(
+    kinematics: Kinematics,
+    bus: CardBus,
+    clock: Clock,
+    limits: JointLimits,
+    law: ControlLaw,
+    planner: Planner,
+    reference: Calibration | FloatArray,
+    parameters: Parameters = Parameters(),
+    guard: Guard | None = None,
+) -> TridentArm:
+    """An arm behind a servo card.
+
+    `law` is the control law, `planner` plans a motion between two joint positions (J,), `reference` is the arm's
+    start-up calibration, or the joints (J,) at which it is known to stand when it is opened. `guard` as in
+    `surfuse.arms.simulated.create`.
+    """
+    return TridentArm(kinematics, bus, clock, limits, law, planner, reference, parameters, guard)

@@ -1,0 +1,88 @@
+"""Independent joint PID: every joint for itself, gains for one fixed inertia; what the cards were first used with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from surfuse.geometry.compiled import compiled
+from surfuse.motion.control.law import STANDARD_GAINS, Commands, LoopGains, every_tick
+from surfuse.motion.rigid_body import ArmDynamics
+from surfuse.motion.trajectory import Trajectory
+from surfuse.records import FloatArray
+
+
+class IndependentPid:
+    """PID on position and speed error of every joint at 1 kHz; gravity and coupling are left to the integrators.
+
+    `dynamics` gives the inertia at `nominal_rad` (J,), for which the gains hold, and the torque limits.
+    """
+
+    name = "independent_pid"
+    period_s = 1e-3
+
+    def __init__(self, dynamics: ArmDynamics, nominal_rad: FloatArray, gains: LoopGains = STANDARD_GAINS) -> None:
+        inertia = np.diag(dynamics.inertia(nominal_rad))
+        w = gains.natural_rad_s
+        self._kp = inertia * w**2
+        self._kd = inertia * 2.0 * gains.damping * w
+        self._ki = inertia * gains.integral_share * w**3
+        self._dead_band_rad = gains.dead_band_rad
+        self._limit_nm = dynamics.torque_max_nm
+        self._integral = np.zeros(len(dynamics))
+
+    def commands(self, trajectory: Trajectory) -> Commands:
+        """The motion at every tick."""
+        return every_tick(trajectory, self.period_s)
+
+    def reset(self) -> None:
+        """Empty the integrators."""
+        self._integral[:] = 0.0
+
+    def torque(
+        self,
+        wanted_rad: FloatArray,
+        wanted_rad_s: FloatArray,
+        wanted_rad_s2: FloatArray,
+        measured_rad: FloatArray,
+        measured_rad_s: FloatArray,
+        torque_nm: FloatArray,
+    ) -> None:
+        """See `ControlLaw.torque`."""
+        _pid(
+            self._kp,
+            self._kd,
+            self._ki,
+            self._dead_band_rad,
+            self._limit_nm,
+            self.period_s,
+            wanted_rad,
+            wanted_rad_s,
+            measured_rad,
+            measured_rad_s,
+            self._integral,
+            torque_nm,
+        )
+
+
+@compiled
+def _pid(
+    kp: FloatArray,
+    kd: FloatArray,
+    ki: FloatArray,
+    dead_band: float,
+    limit: FloatArray,
+    period: float,
+    wanted: FloatArray,
+    wanted_speed: FloatArray,
+    measured: FloatArray,
+    measured_speed: FloatArray,
+    integral: FloatArray,
+    torque: FloatArray,
+) -> None:
+    for j in range(kp.shape[0]):
+        error = wanted[j] - measured[j]
+        if abs(error) > dead_band:
+            # The integrator holds a torque; it never asks for more than the joint has.
+            integral[j] = min(max(integral[j] + period * ki[j] * error, -limit[j]), limit[j])
+        total = kp[j] * error + kd[j] * (wanted_speed[j] - measured_speed[j]) + integral[j]
+        torque[j] = min(max(total, -limit[j]), limit[j])

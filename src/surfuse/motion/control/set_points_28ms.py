@@ -1,0 +1,97 @@
+"""The arm's old controller: a set point every 28 ms, straight lines in between, fixed-gain joint loops at 0.875 ms.
+
+Structure: the computer gives set points, the joint servos interpolate linearly to 32 times their rate; position error
+is amplified and summed with a speed signal from the joint (Unimation, description of the Unimate 500 controller,
+1977), so speed is damped but not fed forward, and a moving joint lags behind. An integrator works near the target.
+The gains of the real boards are not published: the loops here have the same bandwidth as the new laws.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from surfuse.geometry.compiled import compiled
+from surfuse.motion.control.law import STANDARD_GAINS, Commands, LoopGains
+from surfuse.motion.rigid_body import ArmDynamics
+from surfuse.motion.trajectory import Trajectory
+from surfuse.records import FloatArray
+
+SET_POINT_S = 28e-3
+INTERPOLATED = 32
+INTEGRAL_BAND_RAD = 0.02  # a joint further away is on its way, and its lag must not be integrated
+
+
+class SetPoints28ms:
+    """Fixed-gain joint loops that follow straight lines between set points; inertia as in `IndependentPid`."""
+
+    name = "set_points_28ms"
+    period_s = SET_POINT_S / INTERPOLATED
+
+    def __init__(self, dynamics: ArmDynamics, nominal_rad: FloatArray, gains: LoopGains = STANDARD_GAINS) -> None:
+        inertia = np.diag(dynamics.inertia(nominal_rad))
+        w = gains.natural_rad_s
+        self._kp = inertia * w**2
+        # Friction of the motor damps, too; the boards were adjusted with it.
+        self._kd = np.maximum(inertia * 2.0 * gains.damping * w - dynamics.viscous_nm_s, 0.0)
+        self._ki = inertia * gains.integral_share * w**3
+        self._dead_band_rad = gains.dead_band_rad
+        self._limit_nm = dynamics.torque_max_nm
+        self._integral = np.zeros(len(dynamics))
+
+    def commands(self, trajectory: Trajectory) -> Commands:
+        """Set points at whole multiples of 28 ms, interpolated; the last one is the first at or after the end."""
+        count = int(np.ceil(trajectory.duration_s / SET_POINT_S - 1e-9))
+        points, _, _ = trajectory.sample(SET_POINT_S * np.arange(count + 1))
+        at = np.arange(1, count * INTERPOLATED + 1) / INTERPOLATED
+        position = np.column_stack([np.interp(at, np.arange(count + 1), column) for column in points.T])
+        return Commands(position, np.zeros_like(position), np.zeros_like(position))
+
+    def reset(self) -> None:
+        """Empty the integrators."""
+        self._integral[:] = 0.0
+
+    def torque(
+        self,
+        wanted_rad: FloatArray,
+        wanted_rad_s: FloatArray,
+        wanted_rad_s2: FloatArray,
+        measured_rad: FloatArray,
+        measured_rad_s: FloatArray,
+        torque_nm: FloatArray,
+    ) -> None:
+        """See `ControlLaw.torque`; wanted speed and acceleration are not known to this controller."""
+        _damped(
+            self._kp,
+            self._kd,
+            self._ki,
+            self._dead_band_rad,
+            self._limit_nm,
+            self.period_s,
+            wanted_rad,
+            measured_rad,
+            measured_rad_s,
+            self._integral,
+            torque_nm,
+        )
+
+
+@compiled
+def _damped(
+    kp: FloatArray,
+    kd: FloatArray,
+    ki: FloatArray,
+    dead_band: float,
+    limit: FloatArray,
+    period: float,
+    wanted: FloatArray,
+    measured: FloatArray,
+    measured_speed: FloatArray,
+    integral: FloatArray,
+    torque: FloatArray,
+) -> None:
+    for j in range(kp.shape[0]):
+        error = wanted[j] - measured[j]
+        if dead_band < abs(error) < INTEGRAL_BAND_RAD:
+            integral[j] = min(max(integral[j] + period * ki[j] * error, -limit[j]), limit[j])
+        total = kp[j] * error - kd[j] * measured_speed[j] + integral[j]
+        torque[j] = min(max(total, -limit[j]), limit[j])
