@@ -65,6 +65,12 @@ class StorageError(SurfuseError):
     exit_status = 6
 
 
+class InterruptedScanError(SurfuseError):
+    """The user stopped an acquisition at once; what was scanned before is on disk, and it can be resumed."""
+
+    exit_status = 130
+
+
 def nearest(name: str, valid: Iterable[str]) -> str:
     """Name the closest of the valid names, as the cure of an unknown-name error."""
     names = sorted(valid)

@@ -15,8 +15,10 @@ from typing import Annotated, Literal, Self, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from surfuse.errors import ConfigError, nearest
+from surfuse.runs.configuration import RUN_TABLE, read_configuration
+from surfuse.runs.toml_file import parse_toml
 
-FILE_LIMIT_BYTES = 64 * 1024
+_SHOWN = 80  # characters of a wrong value that a message repeats
 NO_BUS = "none"
 BUS_PINGS_LIMIT = 31  # the count of a reading has five bits on the bus
 
@@ -26,9 +28,9 @@ Plain = str | int | float | bool
 
 
 class Section(BaseModel):
-    """A table of the configuration: unknown keys and values that are not finite are refused."""
+    """A table of the configuration: unknown keys, other types and values that are not finite are refused."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True, strict=True)
 
 
 class SceneSettings(Section):
@@ -65,14 +67,23 @@ class ArmSettings(Section):
 
 
 class CameraSettings(Section):
-    """The camera on the shoulder; it turns with joint 1 and looks outward horizontally."""
+    """The camera on the shoulder; it turns with joint 1 and looks outward. `surfuse calibrate` writes this section."""
 
     width_px: int = Field(500, ge=64, le=10000)
     height_px: int = Field(582, ge=64, le=10000)
     fx_px: float = Field(520.0, gt=0.0)
     fy_px: float = Field(760.0, gt=0.0)
-    height_m: float = Field(1.30, gt=0.0, le=5.0, description="height of the optical axis above the floor")
+    cx_px: float | None = Field(None, ge=0.0, le=10000.0, description="principal point; default: middle of the picture")
+    cy_px: float | None = Field(None, ge=0.0, le=10000.0)
+    distortion: tuple[float, float, float, float, float] = Field(
+        (0.0, 0.0, 0.0, 0.0, 0.0), strict=False, description="k1, k2, p1, p2, k3 of OpenCV's lens model"
+    )
+    height_m: float = Field(1.30, gt=0.0, le=5.0, description="height of the optical centre above the floor")
     forward_m: float = Field(0.10, ge=-1.0, le=1.0, description="distance of the optical centre from the first axis")
+    left_m: float = Field(0.0, ge=-1.0, le=1.0, description="its offset to the left of the outward direction")
+    yaw_deg: float = Field(0.0, ge=-90.0, le=90.0, description="turn to the left")
+    pitch_deg: float = Field(0.0, ge=-60.0, le=60.0, description="tilt downwards")
+    roll_deg: float = Field(0.0, ge=-90.0, le=90.0, description="turn about the optical axis, clockwise as it looks")
     noise_levels: float = Field(2.0, ge=0.0, le=64.0, description="sensor noise, standard deviation in grey levels")
 
 
@@ -81,6 +92,7 @@ class RangerSettings(Section):
 
     height_m: float = Field(1.20, gt=0.0, le=5.0, description="height of its axis above the floor")
     forward_m: float = Field(0.10, ge=-1.0, le=1.0, description="distance of its face from the first axis")
+    left_m: float = Field(0.0, ge=-1.0, le=1.0, description="its offset to the left of the outward direction")
 
 
 class SearchSettings(Section):
@@ -199,6 +211,8 @@ class Settings(Section):
 def load(cell_file: Path | None = None, overrides: Iterable[str] = (), **sections: Mapping[str, object]) -> Settings:
     """Defaults, then the cell file, then `key.path=value` overrides, then whole sections given by name.
 
+    The run.toml of a run is a cell file too: it repeats the run, with its seed.
+
     Raises
     ------
     ConfigError : unreadable file, unknown key (with the nearest valid one), wrong type, value out of its limits.
@@ -229,15 +243,11 @@ def _read_toml(path: Path) -> dict[str, object]:
         raise ConfigError(
             f"cannot read it ({error.strerror})", cure="give the path of a TOML file", where=str(path)
         ) from error
-    if len(data) > FILE_LIMIT_BYTES:
-        raise ConfigError(
-            f"is {len(data)} bytes", cure=f"a configuration has at most {FILE_LIMIT_BYTES} bytes", where=str(path)
-        )
-    try:
-        return dict(tomllib.loads(data.decode("utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        reason = "is nested too deeply" if isinstance(error, RecursionError) else f"is not valid TOML: {error}"
-        raise ConfigError(reason, cure="correct the file", where=str(path)) from error
+    tree = parse_toml(data, str(path))
+    if RUN_TABLE not in tree:
+        return tree
+    tables, seed = read_configuration(path)
+    return {**tables, "seed": seed}
 
 
 def _assign(tree: dict[str, object], text: str) -> None:
@@ -252,6 +262,8 @@ def _assign(tree: dict[str, object], text: str) -> None:
         value: object = tomllib.loads(f"value = {value_text.strip()}")["value"]
     except tomllib.TOMLDecodeError:
         value = value_text.strip()
+    except RecursionError as error:
+        raise ConfigError(f"the value of '{path}' is nested too deeply", cure="give a plain value") from error
     node = tree
     for key in keys[:-1]:
         child = node.setdefault(key, {})
@@ -269,7 +281,9 @@ def _explain(error: ValidationError) -> str:
     if problem["type"] == "extra_forbidden":
         valid = _keys(tuple(str(part) for part in problem["loc"][:-1]))
         return f"unknown key '{path}'{more}; {nearest(str(problem['loc'][-1]), valid)}"
-    return f"{path} = {problem['input']!r}: {problem['msg'][0].lower()}{problem['msg'][1:]}{more}"
+    shown = repr(problem["input"])
+    shown = shown if len(shown) <= _SHOWN else f"{shown[:_SHOWN]}..."
+    return f"{path} = {shown}: {problem['msg'][0].lower()}{problem['msg'][1:]}{more}"
 
 
 def _keys(path: tuple[str, ...]) -> tuple[str, ...]:

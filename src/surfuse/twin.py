@@ -12,7 +12,7 @@ from surfuse.arms import puma560, simulated
 from surfuse.arms.puma.volume import CAPSULES, TOOL_LINK, column
 from surfuse.array_on_bus import ArrayElsewhere, ArrayInProcess, elsewhere, in_process
 from surfuse.cameras import simulated as simulated_camera
-from surfuse.cell import Cell, Truth, looking_outwards, world_from_shoulder
+from surfuse.cell import Cell, Mount, Truth, world_from_shoulder
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.interfaces import Clock, RangeSensor
@@ -24,6 +24,7 @@ from surfuse.records import CameraModel, Fixture, FloatArray, SensorSpec
 from surfuse.sensors import polaroid, sequential
 from surfuse.sensors import simulated as simulated_sensor
 from surfuse.settings import NO_BUS, BusSettings, Settings
+from surfuse.simultaneous import SimultaneousArray
 from surfuse.world.acoustics.air import AirParameters, speed_of_sound
 from surfuse.world.acoustics.kit import KitParameters
 from surfuse.world.materials import with_roughness
@@ -62,6 +63,10 @@ def build_cell(settings: Settings) -> Cell:
     """
     if settings.arm.name != "puma560":
         raise ConfigError(f"arm.name = '{settings.arm.name}'", cure="the simulated cell has the arm 'puma560'")
+    if settings.array.sensor != "polaroid":
+        raise ConfigError(
+            f"array.sensor = '{settings.array.sensor}'", cure="the simulated cell has the sensor 'polaroid'"
+        )
     world, part = build_world(settings)
     clock = SimulatedClock()
     kinematics = puma560.Puma560(
@@ -71,8 +76,8 @@ def build_cell(settings: Settings) -> Cell:
     motion = simulated.Parameters(settings.arm.settle_s, settings.arm.speed_share, puma560.ENCODER_RAD_PER_COUNT)
     arm = simulated.create(kinematics, world, clock, puma560.LIMITS, puma560.READY_RAD, motion)
     fixture = square_fixture(settings)
-    camera_place = looking_outwards(settings.camera.forward_m, settings.camera.height_m)
-    ranger_place = looking_outwards(settings.ranger.forward_m, settings.ranger.height_m)
+    camera_place = camera_mount(settings).shoulder_from_device
+    ranger_place = ranger_mount(settings).shoulder_from_device
 
     def on_shoulder(place: FloatArray) -> FloatArray:
         placed: FloatArray = world_from_shoulder(float(arm.true_joints_rad[0])) @ place
@@ -88,7 +93,8 @@ def build_cell(settings: Settings) -> Cell:
     def place() -> Place:
         return Place(stop.stage, stop.index, clock.now_s(), arm.true_tool_pose())
 
-    array = _array(settings, fixture, sensors, clock, place)
+    together = SimultaneousArray(fixture, world, arm.true_tool_pose, clock, settings.array.pings)
+    array = together if settings.array.trigger == "simultaneous" else _array(settings, fixture, sensors, clock, place)
     truth = Truth(*part.mesh())
     return Cell(
         clock=clock,
@@ -106,7 +112,7 @@ def build_cell(settings: Settings) -> Cell:
         begin=begin,
         truth=truth,
         warnings=part.warnings,
-        counters=None if isinstance(array, sequential.SequentialArray) else lambda: array.counters,
+        counters=(lambda: array.counters) if isinstance(array, ArrayInProcess | ArrayElsewhere) else None,
     )
 
 
@@ -193,16 +199,29 @@ def _heard_from(spec: SensorSpec, settings: Settings) -> SensorSpec:
 
 
 def camera_model(settings: Settings) -> CameraModel:
-    """The camera of the configuration, its principal point in the middle of the picture."""
+    """The camera of the configuration; its principal point is in the middle of the picture unless given."""
     camera = settings.camera
     return CameraModel(
         camera.width_px,
         camera.height_px,
         camera.fx_px,
         camera.fy_px,
-        (camera.width_px - 1) / 2.0,
-        (camera.height_px - 1) / 2.0,
+        (camera.width_px - 1) / 2.0 if camera.cx_px is None else camera.cx_px,
+        (camera.height_px - 1) / 2.0 if camera.cy_px is None else camera.cy_px,
+        camera.distortion,
     )
+
+
+def camera_mount(settings: Settings) -> Mount:
+    """Where the camera of the configuration sits on the shoulder."""
+    own = settings.camera
+    turn = np.radians([own.yaw_deg, own.pitch_deg, own.roll_deg]).tolist()
+    return Mount(own.forward_m, own.height_m, own.left_m, *turn)
+
+
+def ranger_mount(settings: Settings) -> Mount:
+    """Where the ranger of the configuration sits on the shoulder, looking straight outwards."""
+    return Mount(settings.ranger.forward_m, settings.ranger.height_m, settings.ranger.left_m)
 
 
 def _part_pose(settings: Settings) -> PartPose:

@@ -27,7 +27,7 @@ def test_a_new_run_folder_has_its_names(tmp_path):
 
 
 def test_an_existing_run_is_never_overwritten(tmp_path):
-    RunFolder.create(tmp_path / "run")
+    RunFolder.create(tmp_path / "run").configuration.write_text("precious")
     with pytest.raises(StorageError, match=r"not empty.*--out"):
         RunFolder.create(tmp_path / "run")
     (tmp_path / "file").write_text("precious")
@@ -38,6 +38,18 @@ def test_an_existing_run_is_never_overwritten(tmp_path):
     assert (tmp_path / "file").read_text() == "precious"
     (tmp_path / "empty").mkdir()
     RunFolder.create(tmp_path / "empty")
+
+
+def test_what_was_killed_before_it_began_is_begun_again(tmp_path):
+    run = RunFolder.create(tmp_path / "run")
+    with run.lock():
+        (run.path / ".run-77-0123abcd.toml").write_text("half a configurat")
+    with pytest.raises(DataError, match="acquire into it again"):
+        RunFolder.open(run.path)
+    assert RunFolder.create(run.path) == run
+    (run.log / "000.mcap").write_bytes(b"begun")
+    with pytest.raises(StorageError, match="not empty"):
+        RunFolder.create(run.path)
 
 
 def test_a_place_that_cannot_be_written_is_a_storage_error(monkeypatch, tmp_path):

@@ -84,7 +84,7 @@ def test_unknown_scenes_name_the_nearest(tmp_path: Path) -> None:
 def test_millimetres_taken_for_metres_are_named_with_their_cure(tmp_path: Path) -> None:
     file = tmp_path / "mm.stl"
     trimesh.creation.box([100.0, 80.0, 60.0]).export(file)
-    with pytest.raises(ConfigError, match=r"part\.scale = 0\.001"):
+    with pytest.raises(ConfigError, match=r"scene\.scale = 0\.001"):
         make_part(file)
     with pytest.raises(ConfigError, match="only"):
         make_part(file, PartPose(scale=1e-5))

@@ -9,6 +9,8 @@ import importlib
 import os
 import pkgutil
 import sys
+import traceback
+from contextlib import suppress
 from typing import NoReturn
 
 import typer
@@ -22,7 +24,6 @@ ClickUsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # whe
 
 app = typer.Typer(
     name="surfuse",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -49,7 +50,9 @@ def _root(
 
 
 def _register() -> None:
-    """Every module of this folder registers its command under its own name."""
+    """Every module of this folder registers its command under its own name, once a process."""
+    if app.registered_commands:
+        return
     for module in sorted(entry.name for entry in pkgutil.iter_modules(__path__)):
         if not module.startswith("_"):
             importlib.import_module(f"{__name__}.{module}").register(app)
@@ -65,11 +68,13 @@ def _check_command(arguments: list[str]) -> None:
 
 def main() -> None:
     """Entry point of the console script: one clear line and the exit status of the contract for every error."""
-    arguments = [argument for argument in sys.argv[1:] if argument != DEBUG]
+    arguments = [argument for argument in sys.argv[1:] if argument != DEBUG] or ["--help"]
     try:
         _register()
         _check_command(arguments)
         outcome = app(args=arguments, standalone_mode=False)
+        # A pipe that was closed or a disk that is full shows only now, while it still can be told.
+        sys.stdout.flush()
         sys.exit(outcome if isinstance(outcome, int) else 0)
     except SurfuseError as error:
         _fail(str(error), error.exit_status, error)
@@ -78,16 +83,23 @@ def main() -> None:
     except (typer.Abort, KeyboardInterrupt) as error:
         _fail("interrupted", INTERRUPTED, error)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         sys.exit(0)
     except (OSError, MemoryError) as error:
+        _drop_output()
         _fail(f"{type(error).__name__}: {error}", StorageError.exit_status, error)
     except Exception as error:
         _fail(f"internal error: {type(error).__name__}: {error}; run again with {DEBUG} and report it", 1, error)
 
 
+def _drop_output() -> None:
+    """What is left in the buffer cannot be written any more: the interpreter must not try it again at its end."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def _fail(message: str, status: int, error: BaseException) -> NoReturn:
     if DEBUG in sys.argv:
-        raise error
+        traceback.print_exception(error)
     print(f"surfuse: {' '.join(message.split())}", file=sys.stderr)
     sys.exit(status)

@@ -25,7 +25,7 @@ def overrides(assignments: list[str] | None, method: str | None, seed: int | Non
     """`--set` values with the options that have a name of their own; these win."""
     texts = list(assignments or [])
     if method is not None:
-        texts.append(f'fusion.method="{method}"')
+        texts.append(f"fusion.method={toml_string(method)}")
     if seed is not None:
         texts.append(f"seed={seed}")
     return texts
@@ -48,7 +48,7 @@ def print_table(rows: list[tuple[str, str]]) -> None:
 
 def toml_string(text: str) -> str:
     """A text as a TOML basic string."""
-    return json.dumps(text)
+    return json.dumps(text, ensure_ascii=False)
 
 
 def show(

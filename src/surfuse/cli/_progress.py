@@ -17,10 +17,11 @@ Handler = Callable[[int, FrameType | None], object] | int | None
 class TerminalWatcher:
     """Shows stage, stops done and time left on stderr when it is a terminal; nothing at all elsewhere or if quiet.
 
-    Inside `with`, the first Ctrl-C (or SIGTERM) asks for a stop after the current sweep, the second stops now.
+    Inside `with`, the first Ctrl-C (or SIGTERM) asks for a stop after the current sweep, the second stops now. Work
+    without `checkpoints` at which it could stop is ended by the first.
     """
 
-    def __init__(self, quiet: bool = False) -> None:
+    def __init__(self, quiet: bool = False, checkpoints: bool = True) -> None:
         console = Console(stderr=True)
         self._progress = Progress(
             TextColumn("{task.description:<22}"),
@@ -34,11 +35,12 @@ class TerminalWatcher:
         )
         self._quiet = quiet
         self._task = self._progress.add_task("", total=1)
+        self._signals = (signal.SIGINT, signal.SIGTERM) if checkpoints else ()
         self._stop = False
         self._previous: list[tuple[signal.Signals, Handler]] = []
 
     def __enter__(self) -> Self:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in self._signals:
             self._previous.append((number, signal.signal(number, self._on_signal)))
         self._progress.start()
         return self

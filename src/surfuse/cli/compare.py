@@ -34,6 +34,6 @@ def compare(
     from surfuse.cli._progress import TerminalWatcher
     from surfuse.pipeline import replay
 
-    with TerminalWatcher(quiet or as_json) as watcher:
+    with TerminalWatcher(quiet or as_json, checkpoints=False) as watcher:
         outcome = replay.compare(log, truth, out, options.overrides(assignments, None, None), watcher)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

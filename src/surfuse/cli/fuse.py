@@ -44,7 +44,7 @@ def fuse(
     from surfuse.cli._progress import TerminalWatcher
     from surfuse.pipeline import replay
 
-    with TerminalWatcher(quiet or as_json) as watcher:
+    with TerminalWatcher(quiet or as_json, checkpoints=False) as watcher:
         outcome = replay.fuse(
             log,
             out,

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 
 from surfuse.cell import Cell
+from surfuse.errors import DataError, InterruptedScanError, StorageError
 from surfuse.interfaces import FusionMethod
 from surfuse.pipeline.finishing import Finished, bus_event, finish, outcome_of
 from surfuse.pipeline.methods import create_method
@@ -30,15 +34,18 @@ def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
     SurfuseError : with the exit status of its kind; whatever was scanned before is on disk.
     """
     began = time.perf_counter()
+    settings = _from_anywhere(settings)
     method, cell = create_method(settings.fusion), build_cell(settings)
     run = RunFolder.create(out or default_folder(settings.scene.name))
-    with run.lock():
+    with run.lock(), _resumable(run):
         write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
         return outcome_of(_acquire(run, settings, cell, method, watcher), run, began)
 
 
 def resume(path: Path, watcher: Watcher) -> Outcome:
     """Go on with an interrupted acquisition; the map is the one that the uninterrupted run would have given.
+
+    A run that is complete already is left as it is.
 
     Raises
     ------
@@ -48,10 +55,49 @@ def resume(path: Path, watcher: Watcher) -> Outcome:
     began = time.perf_counter()
     run = RunFolder.open(path, need_log=False)
     tables, seed = read_configuration(run.configuration)
+    if "source" in tables:
+        raise DataError(
+            "this run was fused from a log, there is nothing to resume",
+            where=str(path),
+            cure="give the folder of an acquisition, or use 'surfuse fuse'",
+        )
     settings = from_tree({**tables, "seed": seed}, str(run.configuration))
+    if all(file.is_file() for file in (run.surface, run.summary, run.report)):
+        return _complete(run)
     method, cell = create_method(settings.fusion), build_cell(settings)
-    with run.lock():
+    with run.lock(), _resumable(run):
         return outcome_of(_acquire(run, settings, cell, method, watcher), run, began)
+
+
+def _complete(run: RunFolder) -> Outcome:
+    """The result of a run that was finished before; the report is the last file that an acquisition writes."""
+    try:
+        data = json.loads(run.summary.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise StorageError(
+            f"cannot read it ({error})", where=str(run.summary), cure="remove it and resume again"
+        ) from error
+    rows = [("nothing to do", "the run is complete"), ("report", str(run.report))]
+    return Outcome({"run": str(run.path), **data, "report": str(run.report)}, rows)
+
+
+@contextmanager
+def _resumable(run: RunFolder) -> Iterator[None]:
+    """Say how to go on when the user stops the acquisition at once."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        raise InterruptedScanError(
+            "interrupted; what was scanned is on disk", cure=f"go on with 'surfuse resume {run.path}'"
+        ) from error
+
+
+def _from_anywhere(settings: Settings) -> Settings:
+    """The same with the whole path of a mesh file, so that a resume may start in another folder."""
+    mesh = Path(settings.scene.name)
+    if not mesh.is_file():
+        return settings
+    return settings.model_copy(update={"scene": settings.scene.model_copy(update={"name": str(mesh.resolve())})})
 
 
 def _acquire(run: RunFolder, settings: Settings, cell: Cell, method: FusionMethod, watcher: Watcher) -> Finished:

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 
 from surfuse import __version__
 from surfuse.cell import Cell, Truth
+from surfuse.errors import DataError
 from surfuse.exporters import nc
 from surfuse.interfaces import FusionMethod
 from surfuse.pipeline.outcome import Outcome, Watcher, finite
@@ -62,7 +63,12 @@ def finish(
     *,
     complete: bool,
 ) -> Finished:
-    """Map, score, summary and report of a finished scan; of an unfinished one only what is needed to say so."""
+    """Map, score, summary and report of a finished scan; of an unfinished one only what is needed to say so.
+
+    Raises
+    ------
+    DataError : the scan is finished and everything is written, but not one cell of the map has a value.
+    """
     robot_s = cell.clock.now_s()
     data: dict[str, object] = {
         "surfuse": __version__,
@@ -96,6 +102,12 @@ def finish(
     run.write_text(run.summary, json.dumps(finite(data), indent=2) + "\n")
     watcher.stage("report")
     write_report(run, run.report, overwrite=True)
+    if not surface.mask.any():
+        raise DataError(
+            f"the scan is complete, but none of its {len(sweeps)} stops gave a value",
+            where=str(run.path),
+            cure="the report says why; check scan.standoff_m, the kit's settings and how the part stands",
+        )
     return Finished(data, rows, complete=True)
 
 

@@ -24,6 +24,9 @@ def create_method(settings: FusionSettings, name: str | None = None) -> FusionMe
         raise ConfigError(
             f"fusion.parameters.{unknown}: there is no such method", cure=nearest(unknown, registry.names("fusion"))
         )
+    for method_name, values in settings.parameters.items():
+        # Also of methods that do not run now: a misspelt parameter must not wait until they do.
+        _parameters(registry.load("fusion", method_name), method_name, values)
     chosen = name or settings.method
     module = registry.load("fusion", chosen)
     method: FusionMethod = module.create(_parameters(module, chosen, settings.parameters.get(chosen, {})))

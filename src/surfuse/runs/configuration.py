@@ -18,7 +18,7 @@ Value = str | int | float | bool
 Nested = Mapping[str, "Value | list[Value] | Nested | None"]
 
 FORMAT_VERSION = 1
-_RUN = "run"
+RUN_TABLE = "run"
 _RECORDED = ("numpy", "scipy", "numba", "embreex", "opencv-python-headless", "mcap", "h5netcdf")
 
 
@@ -29,8 +29,8 @@ def configuration_text(values: Nested, seed: int) -> str:
     ------
     ConfigError : `values` has a table `run`, or nests too deep.
     """
-    if _RUN in values:
-        raise ConfigError(f"the table '{_RUN}' is written by surfuse itself", cure="rename the table")
+    if RUN_TABLE in values:
+        raise ConfigError(f"the table '{RUN_TABLE}' is written by surfuse itself", cure="rename the table")
     document = tomlkit.document()
     document.add(tomlkit.comment("the configuration of this run; 'surfuse acquire --cell run.toml' repeats it"))
     run = tomlkit.table()
@@ -45,7 +45,7 @@ def configuration_text(values: Nested, seed: int) -> str:
         except PackageNotFoundError:
             packages[name] = "not installed"
     run["packages"] = packages
-    document[_RUN] = run
+    document[RUN_TABLE] = run
     for key, value in values.items():
         if value is not None:
             document[key] = _table(value, 1) if isinstance(value, Mapping) else value
@@ -81,7 +81,7 @@ def read_configuration(path: Path) -> tuple[dict[str, object], int]:
     StorageError : the file cannot be read.
     """
     tables = read_toml(path)
-    run = tables.pop(_RUN, None)
+    run = tables.pop(RUN_TABLE, None)
     if not isinstance(run, dict) or not isinstance(run.get("seed"), int):
         raise ConfigError("no table 'run' with a seed", where=str(path), cure="give the run.toml of a run folder")
     found = run.get("format_version")

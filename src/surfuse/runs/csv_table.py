@@ -299,7 +299,7 @@ def _with_stop(table: CsvTable, stop: FloatArray) -> CsvTable:
     wrong = np.flatnonzero(~(np.isfinite(stop) & (stop == np.round(stop)) & (np.abs(stop) < 2.0**53)))
     if len(wrong):
         row = int(wrong[0])
-        raise DataError(f"stop = {stop[row]!r}", where=table.where(row, "stop"), cure="number the stops 0, 1, 2, ...")
+        raise DataError(f"stop = {stop[row]:g}", where=table.where(row, "stop"), cure="number the stops 0, 1, 2, ...")
     return replace(table, stop=stop.astype(np.int64))
 
 

@@ -55,7 +55,7 @@ class RunFolder:
 
     @classmethod
     def create(cls, path: Path) -> RunFolder:
-        """Make a new run folder; an empty folder is taken as it is.
+        """Make a new run folder; an empty one, or what a run left that was killed before it began, is taken as it is.
 
         Raises
         ------
@@ -65,13 +65,13 @@ class RunFolder:
             raise StorageError("it is a file", where=str(path), cure="choose another folder with --out")
         try:
             path.mkdir(parents=True, exist_ok=True)
-            if any(path.iterdir()):
+            if not _unused(path):
                 raise StorageError(
                     "the folder is not empty and nothing in it is overwritten",
                     where=str(path),
                     cure="choose another folder with --out, or go on with 'surfuse resume'",
                 )
-            (path / "log").mkdir()
+            (path / "log").mkdir(exist_ok=True)
             durable.sync_folder(path)
             durable.sync_folder(path.parent)
         except OSError as error:
@@ -92,6 +92,8 @@ class RunFolder:
             what = "it is a file" if path.exists() else "there is no such folder"
             raise DataError(what, where=str(path), cure="give a run folder")
         run = cls(path)
+        if not run.configuration.is_file() and run.log.is_dir() and _unused(path):
+            raise DataError("the run was killed before it began", where=str(path), cure="acquire into it again")
         missing = [] if run.configuration.is_file() else ["run.toml"]
         if need_log and not (run.log.is_dir() and segment_paths(run.log)):
             missing.append("log/*.mcap")
@@ -112,6 +114,16 @@ class RunFolder:
     def write_bytes(self, path: Path, content: bytes) -> None:
         """Replace a file of this run, atomically and durably."""
         durable.write_bytes(path, content, overwrite=True)
+
+
+def _unused(path: Path) -> bool:
+    """Whether a folder holds nothing but what a run makes before its configuration is written."""
+    return all(
+        entry.name == LOCK_NAME
+        or (entry.name.startswith(".run-") and entry.suffix == ".toml")
+        or (entry.name == "log" and entry.is_dir() and not any(entry.iterdir()))
+        for entry in path.iterdir()
+    )
 
 
 class RunLock:

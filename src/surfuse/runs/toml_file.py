@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -12,6 +13,9 @@ from surfuse.runs.log_files import read_whole
 
 MAX_BYTES = 64 * 1024
 MAX_DEPTH = 16
+
+# A key of many thousand dotted parts takes the parser seconds: it is refused before.
+_LONG_KEY = re.compile(rb"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % MAX_DEPTH)
 
 Table = Mapping[str, object]
 
@@ -26,6 +30,10 @@ def parse_toml(content: bytes, where: str) -> dict[str, object]:
     """
     if len(content) > MAX_BYTES:
         raise ConfigError(f"the file has {len(content)} bytes, at most {MAX_BYTES} are read", where=where)
+    long_key = _LONG_KEY.search(content)
+    if long_key is not None:
+        line = content.count(b"\n", 0, long_key.start()) + 1
+        raise ConfigError(f"line {line} is nested deeper than {MAX_DEPTH}", where=where, cure="give plain tables")
     try:
         tables = tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:

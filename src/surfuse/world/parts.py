@@ -60,7 +60,7 @@ class PartPose:
             if not np.isfinite(value):
                 raise ConfigError(f"part.{name} = {value}", cure="give a finite number")
         if not (self.scale > 0.0 and np.isfinite(self.scale)):
-            raise ConfigError(f"part.scale = {self.scale}", cure="give a factor > 0")
+            raise ConfigError(f"scene.scale = {self.scale}", cure="give a factor > 0")
         if self.up not in _UP:
             raise ConfigError(f"part.up = '{self.up}'", cure=nearest(self.up, _UP))
 
@@ -173,12 +173,12 @@ def _check_extent(name: str, own: FloatArray, where: PartPose) -> None:
         raise ConfigError(
             f"part '{name}' is {extent:g} m long, the limit is {LARGEST_EXTENT_M:g} m: its mesh seems to be in "
             "millimetres",
-            cure=f"pass part.scale = {factor:g}",
+            cure=f"pass scene.scale = {factor:g}",
         )
     if extent < SMALLEST_EXTENT_M:
         raise ConfigError(
             f"part '{name}' is only {extent * 1000.0:g} mm long, the least is {SMALLEST_EXTENT_M * 1000.0:g} mm",
-            cure=f"pass a larger part.scale (it is {where.scale:g})",
+            cure=f"pass a larger scene.scale (it is {where.scale:g})",
         )
 
 
@@ -189,7 +189,7 @@ def _check_fit(name: str, standing: FloatArray, cell: CellParameters) -> None:
     if width > widest:
         raise ConfigError(
             f"part '{name}' is {width:.3f} m wide, the ring table carries at most {widest:.3f} m",
-            cure="turn the part (part.yaw_deg) or make it smaller (part.scale)",
+            cure="turn the part (scene.yaw_deg) or make it smaller (scene.scale)",
         )
     foot = standing[standing[:, 2] < cell.table_height_m + _FOOT_M]
     radius = np.hypot(foot[:, 0], foot[:, 1])
@@ -198,5 +198,5 @@ def _check_fit(name: str, standing: FloatArray, cell: CellParameters) -> None:
         raise ConfigError(
             f"part '{name}' is off the table: its foot reaches from {least:.3f} to {most:.3f} m from the arm's axis "
             f"(it is {depth:.3f} m deep), the table from {cell.inner_radius_m:.3f} to {cell.outer_radius_m:.3f} m",
-            cure="change part.radius_m, turn the part (part.yaw_deg) or make it smaller (part.scale)",
+            cure="change scene.radius_m, turn the part (scene.yaw_deg) or make it smaller (scene.scale)",
         )
