@@ -7,9 +7,11 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from surfuse.cell import looking_outwards, world_from_shoulder
 from surfuse.errors import ConfigError
 from surfuse.node.counters import Event, Tally
 from surfuse.pipeline.finishing import bus_event
+from surfuse.records import Status
 from surfuse.settings import load
 from surfuse.twin import build_cell
 
@@ -20,15 +22,19 @@ def cell_with(*overrides):
     return build_cell(load(None, ["scene.name=tilted", "array.pings=3", *overrides]))
 
 
+def facing_the_part(cell, forward_m=0.69, height_m=1.10):
+    """Joints that bring the grip 0.43 m in front of the part of the usual cell, looking outwards."""
+    grip = world_from_shoulder(math.radians(35.0)) @ looking_outwards(forward_m, height_m)
+    joints, reached = cell.arm.kinematics.inverse(grip[None])
+    return joints[0][reached[0]][0]
+
+
 def sweeps_of(cell):
-    lean = cell.arm.joint_state().position_rad
     found = []
     with cell.opened():
         for stop in STOPS:
             cell.begin("stop", stop)
-            joints = lean.copy()
-            joints[0] = math.radians(35.0) + 0.01 * stop
-            cell.arm.move_to(joints)
+            cell.arm.move_to(facing_the_part(cell, height_m=1.10 + 0.005 * stop))
             found.append(cell.array.sweep())
     return found
 
@@ -40,6 +46,7 @@ def numbers(sweeps):
 def test_the_bus_changes_no_number_and_times_by_no_more_than_its_microseconds():
     plain, bus = cell_with("bus.interface=none"), cell_with()
     over_none, over_bus = sweeps_of(plain), sweeps_of(bus)
+    assert all(echo.status is Status.OK for sweep in over_none for echo in sweep)
     np.testing.assert_array_equal(numbers(over_none), numbers(over_bus))
     times = [[[echo.t_s for echo in sweep] for sweep in sweeps] for sweeps in (over_none, over_bus)]
     np.testing.assert_allclose(times[0], times[1], rtol=0.0, atol=1e-6)

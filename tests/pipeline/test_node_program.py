@@ -10,6 +10,7 @@ import threading
 import numpy as np
 import pytest
 
+from surfuse.cell import looking_outwards, world_from_shoulder
 from surfuse.errors import ConfigError, DeviceError
 from surfuse.node.counters import Tally
 from surfuse.node.firmware import MonotonicClock
@@ -38,16 +39,22 @@ def multicast_works():
         return False
 
 
+def facing_the_part(cell, forward_m=0.69, height_m=1.10):
+    """Joints that bring the grip 0.43 m in front of the part of the usual cell, looking outwards."""
+    grip = world_from_shoulder(math.radians(35.0)) @ looking_outwards(forward_m, height_m)
+    joints, reached = cell.arm.kinematics.inverse(grip[None])
+    return joints[0][reached[0]][0]
+
+
 def readings(*overrides):
     cell = build_cell(load(None, ["scene.name=tilted", "array.pings=3", "seed=5", *overrides]))
     with cell.opened():
-        joints = cell.arm.joint_state().position_rad.copy()
         found = []
         for stop in (2, 4):
-            joints[0] = math.radians(33.0 + stop)
             cell.begin("stop", stop)
-            cell.arm.move_to(joints)
+            cell.arm.move_to(facing_the_part(cell, height_m=1.10 + 0.005 * stop))
             found += cell.array.sweep()
+    assert all(echo.status is Status.OK for echo in found)
     return [(e.range_m, e.spread_m, e.amplitude, e.status, e.count, round(e.t_s, 6)) for e in found]
 
 

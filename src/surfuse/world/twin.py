@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from surfuse.interfaces import Generator
 from surfuse.records import ByteArray, CameraModel, FloatArray, SensorSpec
 from surfuse.world.acoustics.air import AirParameters
 from surfuse.world.acoustics.beam import BundleParameters
+from surfuse.world.acoustics.crosstalk import ping_together
 from surfuse.world.acoustics.kit import BARE, TUBE, KitParameters, TransducerParameters
 from surfuse.world.acoustics.noise import AcousticNoise
 from surfuse.world.acoustics.sounder import Sounder
@@ -95,6 +96,35 @@ class Twin:
             if spec.kind != ULTRASONIC:
                 return _along_axis(self._scene, world_from_sensor, spec, pings, stream)
             return self._sounder(spec).ping(world_from_sensor, pings, self._parameters.noise, stream, t_s)
+
+    def ping_together(
+        self, world_from_sensor: FloatArray, specs: Sequence[SensorSpec], pings: int, t_s: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Ranges (S, pings) and amplitudes (S, pings) of sensors at poses (S, 4, 4) that send at the same moment.
+
+        Sensors with the same acoustics hear each other; others are deaf to their frequency.
+        """
+        with self._gate:
+            streams = [self._stream(_ECHOES, zlib.crc32(spec.name.encode())) for spec in specs]
+            ranges, amplitudes = np.empty((len(specs), pings)), np.empty((len(specs), pings))
+            groups: dict[Sounder | None, list[int]] = {}
+            for place, spec in enumerate(specs):
+                groups.setdefault(self._sounder(spec) if spec.kind == ULTRASONIC else None, []).append(place)
+            for sounder, group in groups.items():
+                if sounder is not None:
+                    ranges[group], amplitudes[group] = ping_together(
+                        sounder,
+                        world_from_sensor[group],
+                        pings,
+                        self._parameters.noise,
+                        [streams[i] for i in group],
+                        t_s,
+                    )
+                    continue
+                for i in group:
+                    found = _along_axis(self._scene, world_from_sensor[i], specs[i], pings, streams[i])
+                    ranges[i], amplitudes[i] = found
+            return ranges, amplitudes
 
     def sounder(self, spec: SensorSpec) -> Sounder:
         """The acoustics of one sensor, for drawing and for data sheets."""

@@ -99,6 +99,11 @@ class Sounder:
         self._delay_s = self._fixed_delay_s()
 
     @property
+    def bins(self) -> int:
+        """Steps of `BIN_M` over which arrivals are kept."""
+        return len(self._level)
+
+    @property
     def nearest_m(self) -> float:
         """Nearest range that the blanking leaves."""
         return 0.5 * self.assumed_speed_m_s * self.kit.blanking_s - 0.5 * self.assumed_speed_m_s * self._delay_s
@@ -116,7 +121,12 @@ class Sounder:
         A surface nearer than the blanking allows is `-inf` only when the detector finds the level already reached as
         it opens: that the kit can know. An echo that is over by then is not heard; what comes later is returned.
         """
-        arrived = self.arrivals(world_from_sensor)
+        return self.heard(self.arrivals(world_from_sensor), pings, noise, generator, t_s)
+
+    def heard(
+        self, arrived: Arrivals, pings: int, noise: AcousticNoise, generator: np.random.Generator, t_s: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """What repeated pings read of what comes back; see `ping`."""
         scale = 1.0 + noise.amplitude * generator.standard_normal(pings)
         shift = noise.receiver * generator.standard_normal(pings)
         jitter = noise.timing_m * generator.standard_normal(pings)
