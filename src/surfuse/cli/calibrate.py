@@ -1,0 +1,131 @@
+"""`surfuse calibrate camera | shoulder | pictures`: the camera, and where camera and ranger sit on the shoulder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from surfuse.cli import _options as options
+
+HELP = "Calibrate the camera, and where camera and ranger sit on the shoulder."
+CAMERA_HELP = """Calibrate a camera from pictures of a flat board.
+
+The result is the [camera] section of a cell file, with reprojection error and standard deviations. Views that cannot
+determine the camera are refused with the reason. Columns and rows count squares, not inner corners.
+
+\b
+Examples:
+    surfuse calibrate camera views/*.png --columns 9 --rows 7 --square-mm 30 --out camera.toml
+    surfuse calibrate pictures views && surfuse calibrate camera views/*.png --out camera.toml
+"""
+SHOULDER_HELP = """Find where camera and ranger sit on the shoulder, from views of one fixed board while joint 1 turns.
+
+VIEWS is a CSV file with the columns image,joint1_deg and, for the ranger, range_m. The place of the board's first inner
+corner (upper left) must be known in the world, for example touched with the grip.
+
+\b
+Example:
+    surfuse calibrate shoulder views.csv --corner 0.85,0.25,1.42 --camera camera.toml --out shoulder.toml
+"""
+PICTURES_HELP = """Let the twin take pictures of a board, to try a calibration out.
+
+\b
+Examples:
+    surfuse calibrate pictures views
+    surfuse calibrate pictures turned --of shoulder --count 9
+"""
+
+Pattern = Annotated[Literal["checkerboard", "charuco"], typer.Option("--pattern", help="Kind of board.")]
+Columns = Annotated[int, typer.Option("--columns", help="Squares in a row.")]
+Rows = Annotated[int, typer.Option("--rows", help="Squares in a column.")]
+Square = Annotated[float, typer.Option("--square-mm", help="Width of a square in millimetres.")]
+Toml = Annotated[Path, typer.Option("--out", help="TOML file, a part of a cell file.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    group = typer.Typer(help=HELP, no_args_is_help=True, rich_markup_mode=None)
+    group.command("camera", help=CAMERA_HELP)(camera)
+    group.command("shoulder", help=SHOULDER_HELP)(shoulder)
+    group.command("pictures", help=PICTURES_HELP)(pictures)
+    app.add_typer(group, name="calibrate")
+
+
+def camera(
+    images: Annotated[list[Path], typer.Argument(help="Picture files.")],
+    out: Toml,
+    pattern: Pattern = "checkerboard",
+    columns: Columns = 9,
+    rows: Rows = 7,
+    square_mm: Square = 30.0,
+    lens: Annotated[
+        Literal["none", "radial", "usual", "full"],
+        typer.Option("--lens", help="Distortion: none; radial k1, k2; usual with p1, p2; full with k3."),
+    ] = "usual",
+    force: options.Force = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> int:
+    """Calibrate a camera."""
+    from surfuse.pipeline import calibration
+    from surfuse.vision.calibration_camera import CalibrationParameters
+    from surfuse.vision.calibration_target import Target
+
+    target = Target(pattern, columns, rows, 1e-3 * square_mm)
+    outcome = calibration.camera_from_pictures(images, target, CalibrationParameters(lens=lens), out, force)
+    return options.show(outcome.summary, outcome.table, as_json, quiet)
+
+
+def shoulder(
+    views: Annotated[Path, typer.Argument(help="CSV file: image,joint1_deg,range_m.")],
+    corner: Annotated[str, typer.Option("--corner", help="World place X,Y,Z of the first inner corner, metres.")],
+    out: Toml,
+    camera: Annotated[
+        Path | None, typer.Option("--camera", help="TOML file of the calibrated camera; default: the reference camera.")
+    ] = None,
+    ranger_height: Annotated[
+        float | None, typer.Option("--ranger-height", help="Height of the ranger's axis above the floor, metres.")
+    ] = None,
+    pattern: Pattern = "checkerboard",
+    columns: Columns = 9,
+    rows: Rows = 7,
+    square_mm: Square = 30.0,
+    force: options.Force = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> int:
+    """Calibrate the shoulder."""
+    from surfuse.pipeline import calibration
+    from surfuse.vision.calibration_target import Target
+
+    target = Target(pattern, columns, rows, 1e-3 * square_mm)
+    place = calibration.place_of(corner)
+    outcome = calibration.shoulder_from_views(views, target, place, camera, ranger_height, out, force)
+    return options.show(outcome.summary, outcome.table, as_json, quiet)
+
+
+def pictures(
+    folder: Annotated[Path, typer.Argument(help="New folder for the pictures.")],
+    of: Annotated[
+        Literal["camera", "shoulder"], typer.Option("--of", help="Which calibration they are for.")
+    ] = "camera",
+    count: Annotated[int, typer.Option("--count", help="Number of pictures.", min=1, max=1000)] = 12,
+    cell: options.Cell = None,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of everything that is random.", min=0)] = 1,
+    pattern: Pattern = "checkerboard",
+    columns: Columns = 9,
+    rows: Rows = 7,
+    square_mm: Square = 30.0,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> int:
+    """Take simulated pictures."""
+    from surfuse.pipeline import calibration_pictures as work
+    from surfuse.vision.calibration_target import Target
+
+    target = Target(pattern, columns, rows, 1e-3 * square_mm)
+    take = work.camera_pictures if of == "camera" else work.shoulder_pictures
+    outcome = take(folder, target, count, cell, seed)
+    return options.show(outcome.summary, outcome.table, as_json, quiet)
