@@ -576,7 +576,8 @@ class SurfaceMap:
     """The fused surface w over (u, v): all layers (R, C), rows along v, columns along u.
 
     `mask` marks the cells that have a value; elsewhere height and sigma are nan. `count` says how many readings a
-    cell rests on, `regime` (see `Regime`) what kind of evidence.
+    cell rests on, `regime` (see `Regime`) what kind of evidence. Where two surfaces compete (beside a step), a method
+    may give the second one: its height (nan: none) and its probability (0: none).
     """
 
     grid: MapGrid
@@ -587,9 +588,13 @@ class SurfaceMap:
     mask: BoolArray
     regime: ByteArray
     method: str
+    alternative_height_m: FloatArray | None = None
+    alternative_weight: FloatArray | None = None
 
     def __post_init__(self) -> None:
         shape = self.grid.shape
+        if self.alternative_height_m is not None and self.alternative_weight is not None:
+            _own(self, np.float64, alternative_height_m=shape, alternative_weight=shape)
         _own(self, np.float64, height_m=shape, sigma_m=shape, confidence=shape)
         _own(self, np.int64, count=shape)
         _own(self, np.bool_, mask=shape)

@@ -189,7 +189,7 @@ def test_few_readings_claim_little(count: int) -> None:
     scene, readings, grid = scan(to_plane(0.0), outliers=0.0)
     surface = fuse(scene, keep(readings, np.arange(200, 200 + count)), grid)
     measured = surface.mask & (surface.regime != Regime.PRIOR)
-    assert np.mean(measured) < 0.3, "what no reading supports is marked as such"
+    assert np.mean(measured) < 0.5, "what no reading supports is marked as such"
     assert count > 0 or not np.any(surface.mask)
     assert np.all(np.isfinite(surface.height_m[surface.mask]))
 

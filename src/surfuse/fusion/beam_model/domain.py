@@ -26,15 +26,32 @@ def raster_over(grid: MapGrid, g_m: float) -> Raster:
     return Raster(u0, v0, g_m, np.ones((rows, cols), dtype=bool))
 
 
-def inside_outline(raster: Raster, grid: MapGrid, outline: Outline, height: float) -> BoolArray:
-    """Cells (R, C) on the part: inside the outline before its margin, outside of its holes, seen at one height."""
+def inside_outline(raster: Raster, grid: MapGrid, outline: Outline, heights_m: FloatArray) -> BoolArray:
+    """Cells (R, C) on the part at any of the heights (K,): see `inside_at`."""
+    inside = np.zeros(raster.shape, dtype=bool)
+    for height in heights_m:
+        inside |= inside_at(raster, grid, outline, float(height))
+    return inside
+
+
+def inside_at(raster: Raster, grid: MapGrid, outline: Outline, height: float) -> BoolArray:
+    """Cells (R, C) on the part: inside the outline before its margin, outside of its holes, seen at one height.
+
+    The camera saw the outline from its viewpoint; a cell counts up to one standard deviation (the median one) outside.
+    """
     u, v = raster.nodes()
     uu, vv = np.meshgrid(u, v)
     points = np.column_stack([uu.ravel(), vv.ravel(), np.full(uu.size, height)])
-    seen = transform_points(inverse(outline.world_from_part) @ grid.world_from_part, points)[:, :2]
-    inside = signed_distance(seen, outline.vertices_m) >= outline.margin_m - 1e-9
+    placed = transform_points(inverse(outline.world_from_part) @ grid.world_from_part, points)
+    seen = placed[:, :2]
+    if outline.viewpoint_m is not None and outline.viewpoint_m[2] > 0.0:
+        eye = outline.viewpoint_m
+        share = eye[2] / np.maximum(eye[2] - placed[:, 2], 1e-9)
+        seen = eye[:2] + share[:, None] * (seen - eye[:2])
+    slack = float(np.median(outline.sigma_m)) + 1e-9
+    inside = signed_distance(seen, outline.vertices_m) >= outline.margin_m - slack
     for hole in outline.holes_m:
-        inside &= signed_distance(seen, hole) <= 1e-9
+        inside &= signed_distance(seen, hole) <= slack
     return np.asarray(inside.reshape(raster.shape), dtype=bool)
 
 

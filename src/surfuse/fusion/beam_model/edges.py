@@ -6,7 +6,7 @@ import numpy as np
 
 from surfuse.fusion.beam_model.orphans import laid_onto, pieces
 from surfuse.fusion.beam_model.plate import Stiffness
-from surfuse.fusion.beam_model.problem import Arrivals, Problem, arrivals
+from surfuse.fusion.beam_model.problem import Arrivals, Problem, arrivals, misfit, reach
 from surfuse.fusion.beam_model.raster import slopes
 from surfuse.fusion.beam_model.search import descend, objective
 from surfuse.records import BoolArray, FloatArray, IntArray
@@ -70,7 +70,7 @@ def merge_small(
 
 def settle(
     p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float,
-    reach: tuple[int, ...] = REACH,
+    steps: tuple[int, ...] = REACH,
 ) -> tuple[FloatArray, Arrivals]:  # fmt: skip
     """Take the best move of all pieces and directions, settle the heights, and repeat while it helps."""
     r = p.raster
@@ -82,7 +82,7 @@ def settle(
         best, best_height = now, None
         for name in candidates(number):
             for direction in DIRECTIONS:
-                for cells in reach:
+                for cells in steps:
                     trial = grown(height, su, sv, number == name, r.domain, r.g_m, direction, cells)
                     value = objective(p, trial, arrivals(p, trial, crease_m), stiffness, 0.0)
                     if value < best:
@@ -92,3 +92,44 @@ def settle(
         height, heard = descend(p, best_height, stiffness, crease_m, (0.0,) * 3)
         now = objective(p, height, heard, stiffness, 0.0)
     return height, heard
+
+
+def rivals(p: Problem, height: FloatArray, stiffness: Stiffness, crease_m: float) -> tuple[FloatArray, FloatArray]:
+    """Second surface beside each edge (R, C; nan: none) and its probability, cell by cell.
+
+    The cell is put on the piece across the edge; the change of the objective gives the odds of the two.
+    """
+    r = p.raster
+    number = pieces(height, r.domain, r.g_m, 2.0 * crease_m)
+    su, sv, _, _, _ = slopes(height, r.domain, r.g_m, crease_m)
+    heard = arrivals(p, height, crease_m)
+    cost, energy = misfit(p, heard, 0.0), p.plate.energy(height, stiffness)
+    middle = p.stations.position_m + p.stations.axis * p.stations.range_m[:, None]
+    near_m = float(np.median(p.stations.range_m)) * max(reach(table) for table in p.tables)
+    second, weight = np.full(height.shape, np.nan), np.zeros(height.shape)
+    for j, i, other in _across(number, height, su, sv, r.g_m):
+        trial = height.copy()
+        trial[j, i] = other
+        u, v = r.u0_m + i * r.g_m, r.v0_m + j * r.g_m
+        only = (middle[:, 0] - u) ** 2 + (middle[:, 1] - v) ** 2 < near_m**2
+        there = misfit(p, arrivals(p, trial, crease_m, only), 0.0)
+        change = float(np.sum((there - cost)[only])) + p.plate.energy(trial, stiffness) - energy
+        second[j, i], weight[j, i] = other, 1.0 / (1.0 + np.exp(np.clip(change, -30.0, 30.0)))
+    return second, weight
+
+
+def _across(
+    number: IntArray, height: FloatArray, su: FloatArray, sv: FloatArray, g_m: float
+) -> list[tuple[int, int, float]]:
+    """Cells next to another piece, with the height of that piece continued to them (the farther, if there are two)."""
+    found: dict[tuple[int, int], float] = {}
+    rows, cols = height.shape
+    for dj, di in DIRECTIONS:
+        a = number[max(-dj, 0) : rows - max(dj, 0), max(-di, 0) : cols - max(di, 0)]
+        b = number[max(dj, 0) : rows + min(dj, 0), max(di, 0) : cols + min(di, 0)]
+        for j, i in np.argwhere((a != b) & (a >= 0) & (b >= 0)):
+            here, there = (int(j + max(-dj, 0)), int(i + max(-di, 0))), (int(j + max(dj, 0)), int(i + max(di, 0)))
+            other = float(height[there] - g_m * (di * su[there] + dj * sv[there]))
+            if here not in found or abs(other - height[here]) > abs(found[here] - height[here]):
+                found[here] = other
+    return [(j, i, other) for (j, i), other in sorted(found.items())]

@@ -122,5 +122,5 @@ def refine(coarse: Problem, fine: Problem, best: Solution) -> Solution:
     found = find(fine, finer(coarse, best, fine.raster), best.start, stiffness, (0.0005,) * 2 + (0.0,) * 6)
     whole = reattached(fine, found.height_m, found.heard, found.crease_m)
     found = replace(found, height_m=whole, heard=arrivals(fine, whole, found.crease_m))
-    height, heard = settle(fine, found.height_m, found.heard, stiffness, found.crease_m, reach=(1,))
+    height, heard = settle(fine, found.height_m, found.heard, stiffness, found.crease_m, steps=(1,))
     return replace(found, height_m=height, heard=heard)

@@ -50,9 +50,8 @@ def cell_size(scene: FusionScene, grid: MapGrid, step_m: float) -> float:
 
 def domain_of(scene: FusionScene, raster: Raster, grid: MapGrid, heard_m: FloatArray, reach_m: float) -> BoolArray:
     """Cells of the part that a reading could have heard."""
-    level = float(np.median(heard_m[:, 2]))
     if scene.outline is not None:
-        inside = inside_outline(raster, grid, scene.outline, level)
+        inside = inside_outline(raster, grid, scene.outline, np.quantile(heard_m[:, 2], (0.05, 0.5, 0.95)))
     else:
         inside = heard_extent(raster, heard_m, reach_m)
     within = Raster(raster.u0_m, raster.v0_m, raster.g_m, inside)
@@ -151,4 +150,6 @@ def _on_grid(sheet: Sheet, grid: MapGrid) -> SurfaceMap:
         mask=mask,
         regime=np.where(mask, sheet.regime[jj, ii], int(Regime.EMPTY)).astype(np.uint8),
         method="beam",
+        alternative_height_m=np.where(mask, sheet.second_m[jj, ii], np.nan),
+        alternative_weight=np.where(mask, sheet.second_weight[jj, ii], 0.0),
     )

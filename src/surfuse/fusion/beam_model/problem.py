@@ -12,7 +12,7 @@ from surfuse.fusion.beam_model.envelope import carve
 from surfuse.fusion.beam_model.plate import Plate, plate
 from surfuse.fusion.beam_model.raster import Raster, slopes
 from surfuse.fusion.beam_model.stations import Stations
-from surfuse.records import FloatArray, IntArray
+from surfuse.records import BoolArray, FloatArray, IntArray
 
 ANGLE_STEP = float(OFF_AXIS[1])
 DIFFRACTION_STEP = 0.02
@@ -25,8 +25,8 @@ MODEL_ERROR_M = 0.0001
 # Degrees of freedom of the residuals' heavy-tailed distribution.
 TAIL = 4.0
 # Information of a station beside the part, and of a rim about the height of its cell.
-OFF_PART = 0.2
-RIM_SHARE = 0.2
+OFF_PART = 0.05
+RIM_SHARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -80,16 +80,20 @@ def reach(table: BeamTable) -> float:
     return float(np.tan(min(OFF_AXIS[audible[-1]] if len(audible) else 0.0, 1.6 * table.half_angle_rad)))
 
 
-def arrivals(p: Problem, height: FloatArray, crease_m: float) -> Arrivals:
-    """First arrivals at all stations over a surface (R, C); a drop of more than `crease_m` between cells is a rim."""
+def arrivals(p: Problem, height: FloatArray, crease_m: float, only: BoolArray | None = None) -> Arrivals:
+    """First arrivals at all stations, or at those marked by `only`, over a surface (R, C).
+
+    A drop of more than `crease_m` between cells is a rim.
+    """
     s, r = p.stations, p.raster
     su, sv, cu, cv, rim = slopes(height, r.domain, r.g_m, crease_m)
     out = np.full((len(s), 3), np.inf)
     station = np.ascontiguousarray(np.hstack([s.position_m, s.axis]))
     cell = np.zeros((len(s), 3), dtype=np.int64)
+    chosen = np.ones(len(s), dtype=bool) if only is None else only
     for k, t in enumerate(p.tables):
         predict(
-            np.nonzero(s.spec == k)[0], station, s.range_m, p.level, height, su, sv, cu, cv, r.domain,
+            np.flatnonzero((s.spec == k) & chosen), station, s.range_m, p.level, height, su, sv, cu, cv, r.domain,
             rim, r.u0_m, r.v0_m, r.g_m, t.mirror, t.rim, DIFFRACTION, ANGLE_STEP, DIFFRACTION_STEP, TILTS, LEVELS,
             t.speckle_m, t.scatter_m, t.threshold, t.rise_m, t.wavelength_m, reach(t), t.rim_speckle,
             MURMUR * t.level[TYPICAL],

@@ -108,7 +108,10 @@ def gather(readings: Readings, scene: FusionScene) -> Stations:
     position = (readings.position_m[rows] - part[:3, 3]) @ part[:3, :3]
     axis = readings.axis[rows] @ part[:3, :3]
     axis = axis / np.maximum(np.linalg.norm(axis, axis=1), 1e-12)[:, None]
-    sensor, range_m, amplitude = readings.sensor[rows], readings.range_m[rows], readings.amplitude[rows]
+    sensor, amplitude = readings.sensor[rows], readings.amplitude[rows]
+    # The beam starts at the mouth of the tube; the range counts from the transducer behind it.
+    dead = np.array([spec.dead_length_m for spec in readings.specs])[sensor]
+    position, range_m = position + dead[:, None] * axis, readings.range_m[rows] - dead
     sigma = np.array([spec.sigma_m for spec in readings.specs])[sensor]
     number = {_kind(k): n for n, k in enumerate(kinds(readings.specs))}
     kind_of = np.array([number[_kind(k)] for k in readings.specs], dtype=np.int64)

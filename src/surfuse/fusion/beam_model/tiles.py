@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from surfuse.fusion.beam_model.edges import rivals
 from surfuse.fusion.beam_model.layers import layers
 from surfuse.fusion.beam_model.problem import Problem
 from surfuse.fusion.beam_model.raster import Raster, slopes
@@ -41,25 +42,31 @@ class Sheet:
     count: IntArray
     regime: ByteArray
     known: BoolArray
+    second_m: FloatArray
+    second_weight: FloatArray
 
 
-LAYERS = ("height_m", "slope_u", "slope_v", "sigma_m", "confidence", "count", "regime", "known")
+LAYERS = (
+    "height_m", "slope_u", "slope_v", "sigma_m", "confidence", "count", "regime", "known", "second_m", "second_weight",
+)  # fmt: skip
 
 
 def blank(raster: Raster) -> Sheet:
     """A sheet without a value."""
     zero = np.zeros(raster.shape)
     whole, small = zero.astype(np.int64), zero.astype(np.uint8)
-    return Sheet(raster, zero, zero, zero, zero, zero, whole, small, zero > 1.0)
+    return Sheet(raster, zero, zero, zero, zero, zero, whole, small, zero > 1.0, zero * np.nan, zero)
 
 
 def sheet_of(p: Problem, solution: Solution) -> Sheet:
     """All layers of a solution."""
     su, sv, _, _, _ = slopes(solution.height_m, p.raster.domain, p.raster.g_m, solution.crease_m)
     rest = layers(p, solution)
+    second, weight = rivals(p, solution.height_m, solution.stiffness, solution.crease_m)
     return Sheet(
-        p.raster, solution.height_m, su, sv, rest.sigma_m, rest.confidence, rest.count, rest.regime, p.raster.domain
-    )
+        p.raster, solution.height_m, su, sv, rest.sigma_m, rest.confidence, rest.count, rest.regime, p.raster.domain,
+        second, weight,
+    )  # fmt: skip
 
 
 def tiles(raster: Raster, overlap: int) -> list[Tile]:
