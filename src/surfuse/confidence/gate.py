@@ -57,7 +57,8 @@ class Limits(NamedTuple):
     """What is known before the first reading, in columns: S sensors, the outline's rings, the cell.
 
     `spread` (S,) is the tangent of half the beam angle; ring k of the outline is `vertices[ring[k]:ring[k + 1]]`,
-    the first the boundary, the others holes.
+    the first the boundary, the others holes. `eye_m` (3,) is where the camera saw the outline from, in its frame
+    (w = 0: the outline is seen along w).
     """
 
     range_min_m: FloatArray
@@ -69,6 +70,7 @@ class Limits(NamedTuple):
     ring: IntArray
     margin_m: float
     outline_from_world: FloatArray
+    eye_m: FloatArray
     part_from_world: FloatArray
     footprints: float
     allowance_m: float
@@ -110,6 +112,13 @@ def _rings(outline: Outline | None) -> tuple[FloatArray, IntArray]:
     return np.ascontiguousarray(np.concatenate(rings)), np.concatenate([np.zeros(1, dtype=np.int64), ends])
 
 
+def _eye(outline: Outline | None) -> FloatArray:
+    """Where the outline was seen from (3,), in its frame; w = 0 when it is unknown."""
+    if outline is None or outline.viewpoint_m is None or not outline.viewpoint_m[2] > 0.0:
+        return np.zeros(3)
+    return np.array(outline.viewpoint_m, dtype=np.float64)
+
+
 def limits_of(scene: FusionScene, parameters: GateParameters) -> Limits:
     """The scene and the parameters of validation as the kernels take them."""
     specs = scene.specs
@@ -127,6 +136,7 @@ def limits_of(scene: FusionScene, parameters: GateParameters) -> Limits:
         ring=ring,
         margin_m=0.0 if scene.outline is None else float(scene.outline.margin_m),
         outline_from_world=inverse(outline_frame),
+        eye_m=_eye(scene.outline),
         part_from_world=inverse(scene.world_from_part),
         footprints=float(parameters.gate_footprints),
         allowance_m=float(parameters.gate_allowance_m),
@@ -172,11 +182,13 @@ def validate(
 
     The hit point p + r a is projected onto the grip axis (origin o, direction g): m = r (a.g) + (p - o).g. With
     sensors in the grip plane and axes parallel to the grip axis this is m = r, the measurement of the paper's
-    equation 1. The footprint is the hit point seen along w: for axes along w it does not depend on the range, and
-    for turned wrists it is where the surface was met, not where the axis would pierce some reference plane.
+    equation 1. The footprint is the hit point as the camera saw it: off the plane w = 0, perspective draws the part too
+    small or too large. Without a known viewpoint it is the hit point seen along w: for axes along w it does not depend
+    on the range, and for turned wrists it is where the surface was met, not where the axis would pierce some reference
+    plane.
     """
     ranges, status, sensors, positions, axes, own_sigma, start, _, grips = scan
-    range_min, range_max, spec_sigma, spread, depth_max, vertices, ring, margin, outline, _, footprints, allowance = (
+    range_min, range_max, spec_sigma, spread, depth_max, vertices, ring, margin, outline, eye, _, footprints, allow = (
         limits
     )
     # Array arguments cost a kernel more than the arithmetic here: the outline's parts are told apart only once.
@@ -203,13 +215,18 @@ def validate(
             if not range_min[sensor] <= r <= range_max[sensor]:
                 gate[i] = GATE_RANGE
                 continue
+            if eye[2] > 0.0:
+                w = outline[2, 0] * x + outline[2, 1] * y + outline[2, 2] * z + outline[2, 3]
+                # At or behind the camera nothing is seen: the share of the way to the plane w = 0 is without bound.
+                share = eye[2] / max(eye[2] - w, 1e-9)
+                u, v = eye[0] + share * (u - eye[0]), eye[1] + share * (v - eye[1])
             inside = signed_distance_at(u, v, boundary) - margin if n_rings > 0 else np.inf
             if n_rings > 1:
                 inside = min(inside, outside_holes(u, v, vertices, ring))
             own = own_sigma[i]
             value_m[i - base], inside_m[i - base] = value, inside
             sigma_m[i - base] = (own if 0.0 < own < np.inf else spec_sigma[sensor]) * abs(along)
-            if inside < -(footprints * r * spread[sensor] + allowance):
+            if inside < -(footprints * r * spread[sensor] + allow):
                 gate[i] = GATE_OUTSIDE
             elif value > depth_max or value <= 0.0:
                 gate[i] = GATE_BEHIND
