@@ -69,6 +69,7 @@ def _check_command(arguments: list[str]) -> None:
 def main() -> None:
     """Entry point of the console script: one clear line and the exit status of the contract for every error."""
     arguments = [argument for argument in sys.argv[1:] if argument != DEBUG] or ["--help"]
+    stdout = sys.stdout
     try:
         _register()
         _check_command(arguments)
@@ -76,6 +77,9 @@ def main() -> None:
         # A pipe that was closed or a disk that is full shows only now, while it still can be told.
         sys.stdout.flush()
         sys.exit(outcome if isinstance(outcome, int) else 0)
+    except SystemExit as ended:
+        # Typer swaps stdout and exits with 1 when a reader stops reading, which is no error.
+        sys.exit(ended.code if sys.stdout is stdout else 0)
     except SurfuseError as error:
         _fail(str(error), error.exit_status, error)
     except ClickUsageError as error:
