@@ -7,6 +7,8 @@ from pathlib import Path
 from surfuse.errors import DataError
 from surfuse.pipeline.outcome import Outcome, Watcher
 from surfuse.runs.scan_source import load_scan
+from surfuse.runs.tof_vicon import is_tof_vicon, read_tof_vicon
+from surfuse.surface.incidence import IncidenceError, errors_by_incidence
 from surfuse.surface.time_lag import estimate_lag
 from surfuse.surface.truth import read_mesh
 
@@ -23,7 +25,8 @@ def sync(log: Path, truth: Path | None, max_lag_ms: float, watcher: Watcher) -> 
     scan = load_scan(log)
     for warning in scan.warnings:
         watcher.warn(warning)
-    mesh = read_mesh(truth) if truth is not None else None
+    recording = read_tof_vicon(log) if truth is None and is_tof_vicon(log) else None
+    mesh = read_mesh(truth) if truth is not None else recording.target_mesh() if recording is not None else None
     try:
         found = estimate_lag(scan.readings, scan.world_from_part, 1e-3 * max_lag_ms, mesh)
     except DataError as error:
@@ -46,4 +49,25 @@ def sync(log: Path, truth: Path | None, max_lag_ms: float, watcher: Watcher) -> 
         ("scatter", f"{1e3 * found.before_m:.2f} mm before, {1e3 * found.after_m:.2f} mm after"),
         ("against", f"{found.surface}, {found.echoes} echoes"),
     ]
+    if mesh is not None:
+        before, after = (errors_by_incidence(scan.readings, mesh, lag_s) for lag_s in (0.0, found.lag_s))
+        summary["by_incidence"] = {"before": [_band(one) for one in before], "after": [_band(one) for one in after]}
+        rows.append(("incidence", "median error, scatter: before lag and offset -> after (mm), echoes"))
+        rows += [_band_row(one, two) for one in before for two in after if one.low_deg == two.low_deg]
     return Outcome(summary, rows)
+
+
+def _band(one: IncidenceError) -> dict[str, object]:
+    return {
+        "from_deg": one.low_deg,
+        "to_deg": one.high_deg,
+        "echoes": one.echoes,
+        "median_mm": 1e3 * one.median_m,
+        "scatter_mm": 1e3 * one.scatter_m,
+    }
+
+
+def _band_row(one: IncidenceError, two: IncidenceError) -> tuple[str, str]:
+    label = f"  {one.low_deg:.0f} to {one.high_deg:.0f} deg"
+    first = f"{1e3 * one.median_m:+.1f}, {1e3 * one.scatter_m:.1f}"
+    return label, f"{first} -> {1e3 * two.median_m:+.1f}, {1e3 * two.scatter_m:.1f}  ({two.echoes})"

@@ -11,6 +11,7 @@ from surfuse.runs.log_reader import is_own_log, read_log
 from surfuse.runs.log_records import Damage
 from surfuse.runs.readings_csv import read_readings_csv
 from surfuse.runs.scan_log import AssumedSensor, ScanLog
+from surfuse.runs.tof_vicon import is_tof_vicon, read_tof_vicon
 
 CSV_NAME = "readings.csv"
 
@@ -24,7 +25,8 @@ def load_scan(
 ) -> ScanLog:
     """Read the readings, sensors, part frame and outline of a log; the side files are for logs that are not ours.
 
-    A folder that holds a readings.csv means that file.
+    A folder that holds a readings.csv means that file; one with time-of-flight frames and motion-capture poses is a
+    recording of them.
 
     Raises
     ------
@@ -33,6 +35,8 @@ def load_scan(
     """
     if (path / CSV_NAME).is_file():
         path = path / CSV_NAME
+    if is_tof_vicon(path):
+        return read_tof_vicon(path).scan
     if path.is_file() and path.suffix.lower() in (".csv", ".txt", ".tsv"):
         return read_readings_csv(path, sensors, frame, outline, assumed)
     if path.is_file() and path.suffix.lower() != ".mcap":

@@ -23,8 +23,7 @@ class RayCaster:
 
     def ranges(self, origin_m: FloatArray, direction: FloatArray) -> FloatArray:
         """Range (N,) from origins (N, 3) along unit directions (N, 3) to the first triangle; +inf without any."""
-        start = np.ascontiguousarray(origin_m - self._centre, dtype=np.float32)
-        hit = np.asarray(self._scene.run(start, np.ascontiguousarray(direction, dtype=np.float32)), dtype=np.int64)
+        hit = self._hits(origin_m, direction)
         found, met = np.full(len(origin_m), np.inf), np.flatnonzero(hit >= 0)
         a, b, c = np.moveaxis(self._corners[hit[met]], 1, 0)
         normal = np.cross(b - a, c - a)
@@ -33,3 +32,17 @@ class RayCaster:
             exact = np.sum(normal * (a - origin_m[met]), axis=1) / along
         found[met] = np.where(along == 0.0, np.inf, exact)
         return found
+
+    def incidence_deg(self, origin_m: FloatArray, direction: FloatArray) -> FloatArray:
+        """Angle (N,) between the rays and the normal of the triangle that they meet first; nan without any."""
+        hit = self._hits(origin_m, direction)
+        angle, met = np.full(len(origin_m), np.nan), np.flatnonzero(hit >= 0)
+        a, b, c = np.moveaxis(self._corners[hit[met]], 1, 0)
+        normal = np.cross(b - a, c - a)
+        cosine = np.abs(np.sum(normal * direction[met], axis=1)) / np.linalg.norm(normal, axis=1)
+        angle[met] = np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0)))
+        return angle
+
+    def _hits(self, origin_m: FloatArray, direction: FloatArray) -> IntArray:
+        start = np.ascontiguousarray(origin_m - self._centre, dtype=np.float32)
+        return np.asarray(self._scene.run(start, np.ascontiguousarray(direction, dtype=np.float32)), dtype=np.int64)

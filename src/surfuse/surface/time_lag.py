@@ -58,18 +58,23 @@ class _Track:
     @lru_cache(maxsize=64)  # noqa: B019 (a track lives as long as its search)
     def at(self, lag_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Position, axis and hit point (K, 3) of the echoes in the part frame, with the poses of t + lag."""
-        one = self.readings
-        place, axis = one.position_m.copy(), one.axis.copy()
-        for sensor in np.unique(one.sensor):
-            own = np.flatnonzero(one.sensor == sensor)
-            own = own[np.argsort(one.t_s[own], kind="stable")]
-            for i in range(3):
-                place[own, i] = np.interp(one.t_s[own] + lag_s, one.t_s[own], one.position_m[own, i])
-                axis[own, i] = np.interp(one.t_s[own] + lag_s, one.t_s[own], one.axis[own, i])
+        place, axis = moved_poses(self.readings, lag_s)
         place, axis = place[self.rows], axis[self.rows]
-        axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
         place, axis = transform_points(self.part_from_world, place), rotate_vectors(self.part_from_world, axis)
-        return place, axis, place + one.range_m[self.rows, None] * axis
+        return place, axis, place + self.readings.range_m[self.rows, None] * axis
+
+
+def moved_poses(readings: Readings, lag_s: float) -> tuple[FloatArray, FloatArray]:
+    """Positions and unit axes (N, 3) that the sensors had at t + lag: linear between their own poses in the log."""
+    place, axis = readings.position_m.copy(), readings.axis.copy()
+    for sensor in np.unique(readings.sensor):
+        own = np.flatnonzero(readings.sensor == sensor)
+        own = own[np.argsort(readings.t_s[own], kind="stable")]
+        t_s = readings.t_s[own]
+        for i in range(3):
+            place[own, i] = np.interp(t_s + lag_s, t_s, readings.position_m[own, i])
+            axis[own, i] = np.interp(t_s + lag_s, t_s, readings.axis[own, i])
+    return place, axis / np.linalg.norm(axis, axis=1, keepdims=True)
 
 
 def estimate_lag(
