@@ -36,6 +36,11 @@ def _asset(name: str) -> str:
     return (files("surfuse.report") / "assets" / name).read_text(encoding="utf-8")
 
 
+def stylesheet() -> str:
+    """The style of all pages."""
+    return _asset("page.css")
+
+
 def _data(value: object) -> Markup:
     return Markup(f'<script type="application/json" id="surfuse-data">{script_json(value)}</script>')
 
@@ -57,7 +62,7 @@ def document(title: str, header: Markup, body: list[Child], data: object, record
         element("meta", {"name": "viewport", "content": "width=device-width, initial-scale=1"}),
         element("meta", {"name": "referrer", "content": "no-referrer"}),
         element("title", None, title),
-        Markup(f"<style>{_asset('page.css')}</style>"),
+        Markup(f"<style>{stylesheet()}</style>"),
     ]
     quiet = "The maps, cuts and the 3-D view of this page need JavaScript; the texts and tables do not."
     parts: list[Child] = [
