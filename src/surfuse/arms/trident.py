@@ -18,11 +18,11 @@ from surfuse.errors import ConfigError, DeviceError, SafetyStopError
 from surfuse.interfaces import Clock, Kinematics
 from surfuse.motion.control.law import ControlLaw
 from surfuse.motion.limits import JointLimits, check_position, check_velocity
+from surfuse.motion.planners import Planner
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray, JointState
 
 Guard = Callable[[FloatArray, FloatArray], None]
-Planner = Callable[[FloatArray, FloatArray], Trajectory]
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ def _states(times: FloatArray, jerk: FloatArray) -> FloatArray:
 
 def _one_coordinate(speed: float, acceleration: float, jerk: float) -> tuple[FloatArray, FloatArray]:
     """The fastest rest-to-rest motion from 0 to 1: break times and jerks, by ruckig."""
-    from ruckig import InputParameter, Result, Ruckig, Trajectory  # type: ignore[import-not-found,unused-ignore]
+    from ruckig import InputParameter, Result, Ruckig, Trajectory  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
     asked, found = InputParameter(1), Trajectory(1)
     asked.current_position, asked.target_position = [0.0], [1.0]

@@ -82,7 +82,8 @@ def calibrate(
     there = servo.power_on()
     back = _sweep(there, there + (start - away.position_rad[-1]), law.period_s, calibration.sweep_rad_s)
     servo.run(back)
-    return back.position_rad[-1].copy()
+    end: FloatArray = back.position_rad[-1].copy()
+    return end
 
 
 def _middle(scales: CardScales) -> FloatArray:

@@ -57,12 +57,14 @@ class CardScales:
     @property
     def resolution_rad(self) -> FloatArray:
         """Joint angle (6,) of one count."""
-        return np.abs(np.asarray(self.rad_per_count))
+        size: FloatArray = np.abs(np.asarray(self.rad_per_count, dtype=np.float64))
+        return size
 
     def counts(self, joints_rad: FloatArray) -> FloatArray:
         """Absolute counts (6,), not rounded, at joint angles (6,)."""
         motors = self.motor_from_joint @ (np.asarray(joints_rad) - np.asarray(self.zero_rad))
-        return np.asarray(motors / np.asarray(self.rad_per_count), dtype=np.float64)
+        counts: FloatArray = motors / np.asarray(self.rad_per_count)
+        return counts
 
     def joints(self, counts: FloatArray | IntArray) -> FloatArray:
         """Joint angles (6,) at absolute counts (6,)."""

@@ -136,6 +136,11 @@ class JointServo:
         self._write_safe()
         self.stopped_because = self.stopped_because or "the power has been switched off"
 
+    def rest(self) -> None:
+        """Forget speeds and integrators: the arm is known to stand still."""
+        self._law.reset()
+        self._velocity[:] = 0.0
+
     def hold(self, joints_rad: FloatArray, ticks: int) -> None:
         """Stay at joints (J,) for some ticks."""
         for _ in range(ticks):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-import mujoco  # type: ignore[import-untyped]
+import mujoco  # type: ignore[import-not-found,import-untyped,unused-ignore]
 import numpy as np
 
 from surfuse.geometry.poses import pose

@@ -1,0 +1,45 @@
+"""Ways to plan a joint move from one position to another, for drivers that are given one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from surfuse.motion.jerk_limited import JerkLimitedMove
+from surfuse.motion.limits import JointLimits
+from surfuse.motion.rigid_body import ArmDynamics
+from surfuse.motion.torque_limits import within_torque
+from surfuse.motion.trajectory import Trajectory
+from surfuse.motion.trapezoid import TrapezoidalMove
+from surfuse.records import FloatArray
+
+Planner = Callable[[FloatArray, FloatArray], Trajectory]
+
+
+def trapezoidal(limits: JointLimits) -> Planner:
+    """Trapezoidal speed, published speed and acceleration limits."""
+
+    def plan(start_rad: FloatArray, end_rad: FloatArray) -> Trajectory:
+        return TrapezoidalMove(start_rad, end_rad, limits)
+
+    return plan
+
+
+def jerk_limited(limits: JointLimits, jerk_rad_s3: FloatArray) -> Planner:
+    """Limited jerk (J,), too; needs the package ruckig."""
+
+    def plan(start_rad: FloatArray, end_rad: FloatArray) -> Trajectory:
+        return JerkLimitedMove(start_rad, end_rad, limits, jerk_rad_s3)
+
+    return plan
+
+
+def torque_limited(
+    dynamics: ArmDynamics, limits: JointLimits, torque_share: float = 0.75, ramp_s: float = 0.03
+) -> Planner:
+    """As fast as the motors' torque allows, acceleration built up over `ramp_s`; needs the package ruckig."""
+
+    def plan(start_rad: FloatArray, end_rad: FloatArray) -> Trajectory:
+        able = within_torque(dynamics, start_rad, end_rad, limits, torque_share)
+        return JerkLimitedMove(start_rad, end_rad, able, able.acceleration_rad_s2 / ramp_s)
+
+    return plan
