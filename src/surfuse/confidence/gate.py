@@ -57,8 +57,8 @@ class Limits(NamedTuple):
     """What is known before the first reading, in columns: S sensors, the outline's rings, the cell.
 
     `spread` (S,) is the tangent of half the beam angle; ring k of the outline is `vertices[ring[k]:ring[k + 1]]`,
-    the first the boundary, the others holes. `eye_m` (3,) is where the camera saw the outline from, in its frame
-    (w = 0: the outline is seen along w).
+    the first the boundary, the others holes. `eye_m` (4,) is where the camera saw the outline from, in its frame
+    (w = 0: the outline is seen along w), and the outline's lowest v, its foot.
     """
 
     range_min_m: FloatArray
@@ -113,10 +113,10 @@ def _rings(outline: Outline | None) -> tuple[FloatArray, IntArray]:
 
 
 def _eye(outline: Outline | None) -> FloatArray:
-    """Where the outline was seen from (3,), in its frame; w = 0 when it is unknown."""
+    """Where the outline was seen from, in its frame, and its lowest v (4,); w = 0 when the viewpoint is unknown."""
     if outline is None or outline.viewpoint_m is None or not outline.viewpoint_m[2] > 0.0:
-        return np.zeros(3)
-    return np.array(outline.viewpoint_m, dtype=np.float64)
+        return np.zeros(4)
+    return np.array([*outline.viewpoint_m, outline.vertices_m[:, 1].min() + outline.margin_m], dtype=np.float64)
 
 
 def limits_of(scene: FusionScene, parameters: GateParameters) -> Limits:
@@ -219,7 +219,9 @@ def validate(
                 w = outline[2, 0] * x + outline[2, 1] * y + outline[2, 2] * z + outline[2, 3]
                 # At or behind the camera nothing is seen: the share of the way to the plane w = 0 is without bound.
                 share = eye[2] / max(eye[2] - w, 1e-9)
-                u, v = eye[0] + share * (u - eye[0]), eye[1] + share * (v - eye[1])
+                u, seen = eye[0] + share * (u - eye[0]), eye[1] + share * (v - eye[1])
+                # The part stands on the table: above its foot nothing can be seen below it.
+                v = max(seen, eye[3]) if v >= 0.0 else seen
             inside = signed_distance_at(u, v, boundary) - margin if n_rings > 0 else np.inf
             if n_rings > 1:
                 inside = min(inside, outside_holes(u, v, vertices, ring))

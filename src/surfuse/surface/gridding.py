@@ -117,6 +117,10 @@ def cells_inside(grid: MapGrid, outline: Outline, height_m: FloatArray | None = 
     outline_from_grid = inverse(outline.world_from_part) @ grid.world_from_part
     nodes = transform_points(outline_from_grid, np.stack([u, v, w], axis=-1).reshape(-1, 3))
     seen = nodes[:, :2] if outline.viewpoint_m is None else _seen_from(outline.viewpoint_m, nodes)
+    if outline.viewpoint_m is not None:
+        # The part stands on the table (v = 0): above its foot nothing can be seen below it.
+        foot = float(outline.vertices_m[:, 1].min()) + outline.margin_m
+        seen[:, 1] = np.where(nodes[:, 1] >= -1e-9, np.maximum(seen[:, 1], foot), seen[:, 1])
     # The rim belongs to the part, and a node on it must not fall off by rounding.
     slack = float(np.median(outline.sigma_m)) + 1e-9
     inside = signed_distance(seen, outline.vertices_m) >= outline.margin_m - slack

@@ -48,6 +48,9 @@ def inside_at(raster: Raster, grid: MapGrid, outline: Outline, height: float) ->
         eye = outline.viewpoint_m
         share = eye[2] / np.maximum(eye[2] - placed[:, 2], 1e-9)
         seen = eye[:2] + share[:, None] * (seen - eye[:2])
+        # The part stands on the table (v = 0): above its foot nothing can be seen below it.
+        foot = float(outline.vertices_m[:, 1].min()) + outline.margin_m
+        seen[:, 1] = np.where(placed[:, 1] >= -1e-9, np.maximum(seen[:, 1], foot), seen[:, 1])
     slack = float(np.median(outline.sigma_m)) + 1e-9
     inside = signed_distance(seen, outline.vertices_m) >= outline.margin_m - slack
     for hole in outline.holes_m:
