@@ -146,7 +146,7 @@ def scan_joints(settings: Settings, kinematics: Puma560) -> FloatArray:
 
 def _servo(kinematics: Puma560, law: str, planner: Planner, unknown: Unknown, start: FloatArray) -> ServoArm:
     # A study watches laws that lag or sag; the driver's own limits would stop them.
-    lenient = trident.Parameters(supervision=Supervision(following_rad=0.6, stuck_rad=0.2, stuck_ticks=10**6))
+    lenient = trident.Parameters(supervision=Supervision(following_rad=0.6, stuck_rad=0.2, stuck_counts=1e9))
     clock, rng = SimulatedClock(), np.random.default_rng(0)
     return build_servo_arm(kinematics, clock, rng, law, planner, unknown, start, lenient, calibrated_at_start=False)
 

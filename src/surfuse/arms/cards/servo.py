@@ -53,7 +53,7 @@ class JointServo:
         self._counts = np.zeros(joints, dtype=np.int64)
         self._position = np.zeros(joints)
         self._velocity = np.zeros(joints)
-        self._anchor = np.zeros((3, joints))
+        self._anchor = np.zeros((4, joints))
         self._torque = np.zeros(joints)
         self._dac = np.full(joints, reg.DAC_ZERO, dtype=np.int64)
         self._outputs = 0
@@ -110,7 +110,7 @@ class JointServo:
         self._velocity[:] = 0.0
         # Nothing is known yet of the torque that carries the arm: the first ticks find out.
         self._torque[:] = np.nan
-        self._anchor[:] = here, self._torque, self._still
+        self._anchor[:] = here, self._torque, self._still, self._still
         self._law.reset()
         self._outputs = reg.OUT_ARM_POWER
         self._bus.write(reg.DISCRETE_REG, [self._outputs])
@@ -263,7 +263,7 @@ class JointServo:
                 f"encoder of joint {j + 1} stands still at {np.degrees(self._position[j]):.2f} deg while the joint was "
                 f"told to move {np.degrees(abs(wanted_rad[j] - self._anchor[0, j])):.2f} deg (at most "
                 f"{np.degrees(limits.stuck_rad):.2f}) and its torque changed by "
-                f"{abs(self._torque[j] - self._anchor[1, j]):.1f} N m (at most {limits.stuck_nm[j]:.1f})"
+                f"{abs(self._torque[j] - self._anchor[1, j]):.1f} N m (friction and load hold {limits.stuck_nm[j]:.1f})"
             )
         if kind == JUMP:
             return (
