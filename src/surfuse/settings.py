@@ -164,7 +164,7 @@ class ScanSettings(Section):
 class FusionSettings(Section):
     """The fusion method, and parameters of any method by its name."""
 
-    method: str = "weighted_average"
+    method: str = "beam"
     parameters: dict[str, dict[str, Plain]] = Field(default_factory=dict)
 
 

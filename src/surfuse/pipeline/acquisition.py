@@ -16,6 +16,7 @@ from surfuse.pipeline.finishing import Finished, bus_event, finish, outcome_of
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, Watcher
 from surfuse.pipeline.steps import go_to_start, locate, plan_for, scene_of, walk
+from surfuse.pipeline.warm_up import warm_up_beside
 from surfuse.records import FusionScene, ScanPlan, Sweep
 from surfuse.runs.configuration import read_configuration, write_configuration
 from surfuse.runs.folder import RunFolder
@@ -105,12 +106,15 @@ def _acquire(run: RunFolder, settings: Settings, cell: Cell, method: FusionMetho
         watcher.warn(warning)
     # Read before the writer opens: opening gives a killed segment its missing end.
     progress = read_progress(run.path)
-    with cell.opened(), LogWriter(run.log) as log:
+    with warm_up_beside(method.name) as warm_up, cell.opened(), LogWriter(run.log) as log:
         scene, plan, done = _begin(progress, settings, cell, log, watcher)
         go_to_start(cell, settings, plan.outline, plan, len(done))
         state, sweeps, finished = walk(cell, plan, scene, method, done, log, watcher)
         if (trouble := bus_event(cell)) is not None:
             log.append_event(trouble)
+        if warm_up is not None and finished:
+            watcher.stage("compile, once")
+            warm_up.wait()
     return finish(run, settings, method, state, scene, plan, sweeps, cell, watcher, complete=finished)
 
 
