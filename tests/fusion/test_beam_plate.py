@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from surfuse.fusion.beam_model.band import colour, factor, log_determinant, solve
 from surfuse.fusion.beam_model.plate import (
     STENCILS,
     THIRD_ORDER,
     Plate,
     Stiffness,
-    factor,
-    log_determinant,
     plate,
-    solve,
 )
 
 G = 0.01
@@ -70,9 +68,9 @@ def test_precision_is_the_second_derivative_of_the_energy() -> None:
     p = plate(shape_with_a_hole(), G)
     band = p.precision(np.zeros(p.domain.shape), SOFT, 1e-3)
     dense = np.zeros((p.size, p.size))
-    for k in range(band.shape[0]):
+    for k in range(band.shape[1]):
         for n in range(p.size - k):
-            dense[n + k, n] = dense[n, n + k] = band[k, n]
+            dense[n + k, n] = dense[n, n + k] = band[n, k]
     x = np.random.default_rng(2).normal(size=p.size) * 1e-3
     energy = p.energy(p.field(x), SOFT)
     np.testing.assert_allclose(0.5 * x @ dense @ x - 0.5e-3 * x @ x, energy, rtol=1e-6)
@@ -82,9 +80,9 @@ def test_band_solver_against_numpy() -> None:
     p = plate(shape_with_a_hole(), G)
     band = p.precision(np.zeros(p.domain.shape), SOFT, 1.0)
     dense = np.zeros((p.size, p.size))
-    for k in range(band.shape[0]):
+    for k in range(band.shape[1]):
         for n in range(p.size - k):
-            dense[n + k, n] = dense[n, n + k] = band[k, n]
+            dense[n + k, n] = dense[n, n + k] = band[n, k]
     right = np.random.default_rng(4).normal(size=p.size)
     lower = factor(band)
     np.testing.assert_allclose(solve(lower, right), np.linalg.solve(dense, right), rtol=1e-6, atol=1e-9)
@@ -95,3 +93,14 @@ def test_vector_and_field_are_inverse() -> None:
     p = plate(shape_with_a_hole(), G)
     values = np.arange(p.size, dtype=np.float64)
     np.testing.assert_array_equal(p.vector(p.field(values)), values)
+
+
+def test_samples_have_the_inverse_as_covariance() -> None:
+    p = plate(np.ones((4, 3), dtype=bool), G)
+    band = p.precision(np.zeros(p.domain.shape), SOFT, 1.0)
+    half = colour(factor(band), np.eye(p.size))
+    dense = np.zeros((p.size, p.size))
+    for k in range(band.shape[1]):
+        for n in range(p.size - k):
+            dense[n + k, n] = dense[n, n + k] = band[n, k]
+    np.testing.assert_allclose(half @ half.T, np.linalg.inv(dense), rtol=1e-6, atol=1e-9)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_banded
 from scipy.ndimage import distance_transform_edt, maximum_filter, uniform_filter
 
 from surfuse.fusion.beam_model.arrivals import MIRROR, RIM, SPECKLE
-from surfuse.fusion.beam_model.plate import factor
+from surfuse.fusion.beam_model.band import colour, factor
 from surfuse.fusion.beam_model.problem import Problem, pulls, residuals
 from surfuse.fusion.beam_model.search import LOOSE_M, Solution
 from surfuse.records import ByteArray, FloatArray, IntArray, Regime
@@ -38,14 +37,9 @@ def posterior_sigma(p: Problem, solution: Solution) -> FloatArray:
     """Standard deviation (R, C) from samples of the linearised posterior, drawn with its Cholesky factor."""
     data, _ = pulls(p, solution.heard, solution.height_m, 0.0)
     band = p.plate.precision(solution.height_m, solution.stiffness, LOOSE_M**-2)
-    band[0] += p.plate.vector(data)
-    lower = factor(band)
-    width, size = lower.shape[0] - 1, lower.shape[1]
-    upper = np.zeros_like(lower)
-    for k in range(width + 1):
-        upper[width - k, k:] = lower[k, : size - k]
-    noise = np.random.default_rng(7).normal(size=(size, SAMPLES))
-    samples = solve_banded((0, width), upper, noise, check_finite=False)
+    band[:, 0] += p.plate.vector(data)
+    noise = np.random.default_rng(7).normal(size=(p.plate.size, SAMPLES))
+    samples = colour(factor(band), noise)
     return np.asarray(p.plate.field(np.mean(samples**2, axis=1)) ** 0.5)
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from surfuse.geometry.compiled import compiled
 from surfuse.records import BoolArray, FloatArray, IntArray
@@ -85,7 +84,7 @@ def _assemble(
     height: FloatArray, number: IntArray, offsets: IntArray, coefficients: FloatArray, sizes: IntArray,
     scale: FloatArray, edge: float, band: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the linearised prior to a lower band matrix (bandwidth + 1, n)."""
+    """Add the linearised prior to a band matrix (n, bandwidth + 1)."""
     rows, cols = height.shape
     index = np.zeros(6, dtype=np.int64)
     for k in range(sizes.shape[0]):
@@ -107,7 +106,7 @@ def _assemble(
                 for m in range(sizes[k]):
                     for p in range(sizes[k]):
                         if index[m] >= index[p]:
-                            band[index[m] - index[p], index[p]] += w * coefficients[k, m] * coefficients[k, p]
+                            band[index[p], index[m] - index[p]] += w * coefficients[k, m] * coefficients[k, p]
 
 
 @compiled
@@ -154,12 +153,12 @@ class Plate:
         return float(_energy(height, self.number, OFFSETS, COEFFICIENTS, SIZES, self._scale(stiffness), stiffness.edge))
 
     def precision(self, height: FloatArray, stiffness: Stiffness, ridge: float) -> FloatArray:
-        """Lower band form of the prior's precision at a surface; `ridge` (1/m^2) holds what nothing holds."""
-        band = np.zeros((self.bandwidth + 1, self.size))
+        """Band form (see `band`) of the prior's precision at a surface; `ridge` (1/m^2) holds what nothing holds."""
+        band = np.zeros((self.size, self.bandwidth + 1))
         _assemble(
             height, self.number, OFFSETS, COEFFICIENTS, SIZES, self._scale(stiffness), stiffness.edge, band
         )  # fmt: skip
-        band[0] += ridge
+        band[:, 0] += ridge
         return band
 
     def field(self, values: FloatArray) -> FloatArray:
@@ -183,18 +182,3 @@ def plate(domain: BoolArray, g_m: float) -> Plate:
     else:
         number.T[domain.T] = np.arange(domain.sum())
     return Plate(domain, number, int(_bandwidth(number, OFFSETS, SIZES)), g_m)
-
-
-def factor(band: FloatArray) -> FloatArray:
-    """Cholesky factor of a lower band matrix."""
-    return np.asarray(cholesky_banded(band, lower=True, check_finite=False))
-
-
-def solve(factored: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve with a factor from `factor`."""
-    return np.asarray(cho_solve_banded((factored, True), right, check_finite=False))
-
-
-def log_determinant(factored: FloatArray) -> float:
-    """Logarithm of the determinant of the factored matrix."""
-    return 2.0 * float(np.sum(np.log(factored[0])))

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from surfuse.fusion.beam_model.band import factor, log_determinant, solve
 from surfuse.fusion.beam_model.orphans import reattached
-from surfuse.fusion.beam_model.plate import Stiffness, factor, log_determinant, solve
+from surfuse.fusion.beam_model.plate import Stiffness
 from surfuse.fusion.beam_model.problem import Arrivals, Problem, arrivals, misfit, pulls
 from surfuse.records import FloatArray
 
@@ -67,7 +68,7 @@ def newton_goal(p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stif
     """Minimum (R, C) of the objective linearised at a surface."""
     data, target = pulls(p, heard, height, temper_m)
     band = p.plate.precision(height, stiffness, LOOSE_M**-2)
-    band[0] += p.plate.vector(data)
+    band[:, 0] += p.plate.vector(data)
     return p.plate.field(solve(factor(band), p.plate.vector(data * target + height * LOOSE_M**-2)))
 
 
@@ -75,7 +76,7 @@ def evidence(p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffne
     """Minus log evidence: objective plus half the log ratio of posterior and prior precision."""
     prior = p.plate.precision(height, stiffness, LOOSE_M**-2)
     posterior = prior.copy()
-    posterior[0] += p.plate.vector(pulls(p, heard, height, 0.0)[0])
+    posterior[:, 0] += p.plate.vector(pulls(p, heard, height, 0.0)[0])
     volume = 0.5 * (log_determinant(factor(posterior)) - log_determinant(factor(prior)))
     return objective(p, height, heard, stiffness, 0.0) + volume
 
