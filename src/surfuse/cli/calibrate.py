@@ -1,4 +1,4 @@
-"""`surfuse calibrate camera | shoulder | pictures`: the camera, and where camera and ranger sit on the shoulder."""
+"""`surfuse calibrate camera | shoulder | pictures | sensor`: the camera, the shoulder, the range sensors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import typer
 
 from surfuse.cli import _options as options
 
-HELP = "Calibrate the camera, and where camera and ranger sit on the shoulder."
+HELP = "Calibrate the camera, where camera and ranger sit on the shoulder, and the range sensors."
 CAMERA_HELP = """Calibrate a camera from pictures of a flat board.
 
 The result is the [camera] section of a cell file, with reprojection error and standard deviations. Views that cannot
@@ -37,6 +37,18 @@ Examples:
     surfuse calibrate pictures turned --of shoulder --count 9
 """
 
+SENSOR_HELP = """Fit a sensor model to logs of known surfaces: offset, scale, sigma, capture angle, bias by tilt.
+
+A facing plate gives offset and sigma, at two distances also the scale; a tilted plate the bias and scatter by tilt; a
+facing step the capture angle. What the logs cannot determine stays open, with the reason. Each LOG needs the mesh of
+what it looked at, in the frame of its readings: --truth in the order of the logs, or a truth.ply beside the log.
+
+\b
+Examples:
+    surfuse calibrate sensor facing/readings.csv tilted/readings.csv step/readings.csv --out sensors.toml
+    surfuse calibrate sensor plate.csv --truth plate.stl --out sensors.toml
+"""
+
 Pattern = Annotated[Literal["checkerboard", "charuco"], typer.Option("--pattern", help="Kind of board.")]
 Columns = Annotated[int, typer.Option("--columns", help="Squares in a row.")]
 Rows = Annotated[int, typer.Option("--rows", help="Squares in a column.")]
@@ -50,6 +62,7 @@ def register(app: typer.Typer) -> None:
     group.command("camera", help=CAMERA_HELP)(camera)
     group.command("shoulder", help=SHOULDER_HELP)(shoulder)
     group.command("pictures", help=PICTURES_HELP)(pictures)
+    group.command("sensor", help=SENSOR_HELP)(sensor)
     app.add_typer(group, name="calibrate")
 
 
@@ -128,4 +141,21 @@ def pictures(
     target = Target(pattern, columns, rows, 1e-3 * square_mm)
     take = work.camera_pictures if of == "camera" else work.shoulder_pictures
     outcome = take(folder, target, count, cell, seed)
+    return options.show(outcome.summary, outcome.table, as_json, quiet)
+
+
+def sensor(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Run folders, .mcap or .csv.")],
+    out: Annotated[Path, typer.Option("--out", help="TOML file in the form of a sensors.toml.")],
+    truth: Annotated[
+        list[Path] | None, typer.Option("--truth", help="Mesh of a log; in the order of the logs.")
+    ] = None,
+    force: options.Force = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> int:
+    """Fit a sensor model."""
+    from surfuse.pipeline import sensor_calibration as work
+
+    outcome = work.calibrate_sensor(logs, truth or [], out, force)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

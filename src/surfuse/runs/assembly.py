@@ -11,7 +11,7 @@ from surfuse.errors import DataError
 from surfuse.geometry.poses import FloatArray, inverse, transform_points
 from surfuse.records import IntArray, Readings, SensorSpec, Status
 from surfuse.runs.scan_log import ScanLog
-from surfuse.runs.side_files import read_frame, read_outline
+from surfuse.runs.side_files import RangeCorrection, read_frame, read_outline
 from surfuse.runs.sweep_grouping import (
     estimate_part_frame,
     grip_poses,
@@ -35,6 +35,7 @@ class SingleReadings:
     amplitude: FloatArray
     sigma_m: FloatArray
     stop: IntArray | None = None
+    corrections: tuple[RangeCorrection, ...] = ()
 
 
 def status_of_range(range_m: FloatArray) -> IntArray:
@@ -69,7 +70,7 @@ def assemble(single: SingleReadings, frame: Path | None, outline: Path | None, w
         sensor=single.sensor[rows],
         position_m=position,
         axis=axis,
-        range_m=single.range_m[rows],
+        range_m=_corrected(single, warnings)[rows],
         status=single.status[rows],
         amplitude=single.amplitude[rows],
         sigma_m=single.sigma_m[rows],
@@ -86,6 +87,16 @@ def assemble(single: SingleReadings, frame: Path | None, outline: Path | None, w
         outline=None if outline is None else read_outline(outline, world_from_part),
         warnings=tuple(warnings),
     )
+
+
+def _corrected(single: SingleReadings, warnings: list[str]) -> FloatArray:
+    """Ranges (N,) with the calibration of their sensors taken out; what is no number stays what it is."""
+    if not any(one != RangeCorrection() for one in single.corrections):
+        return single.range_m
+    offset = np.array([one.offset_m for one in single.corrections])[single.sensor]
+    scale = np.array([one.scale for one in single.corrections])[single.sensor]
+    warnings.append("sensors.toml holds a calibration: offset and scale are taken out of the ranges")
+    return np.asarray((single.range_m - offset) / scale, dtype=np.float64)
 
 
 def _sweeps(single: SingleReadings) -> tuple[IntArray, IntArray, IntArray]:

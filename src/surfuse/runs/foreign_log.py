@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,7 +22,7 @@ from surfuse.runs.assembly import SingleReadings, assemble, status_of_range
 from surfuse.runs.log_files import log_segments, read_whole
 from surfuse.runs.log_walk import Walk, walk
 from surfuse.runs.scan_log import AssumedSensor, ScanLog
-from surfuse.runs.side_files import METRES_LIMIT, read_sensors
+from surfuse.runs.side_files import METRES_LIMIT, read_corrections, read_sensors
 from surfuse.runs.transform_tree import TransformTree
 
 _RANGE = "sensor_msgs/msg/Range"
@@ -67,7 +67,10 @@ def read_foreign_log(
         listing = ", ".join(f"{topic} ({kind})" for topic, kind in list(gathered.topics.items())[:12]) or "no topics"
         raise DataError(f"the log has no {_RANGE}; found: {listing}", where=str(path), cure=_NEEDED)
     specs = _specs(gathered, sensors, assumed or AssumedSensor())
-    return assemble(_single(gathered, specs, path), frame, outline, gathered.warnings)
+    single = _single(gathered, specs, path)
+    if sensors is not None:
+        single = replace(single, corrections=read_corrections(sensors))
+    return assemble(single, frame, outline, gathered.warnings)
 
 
 def _decoders(found: Walk, gathered: _Gathered) -> Iterator[tuple[int, str, str, Callable[[bytes], SimpleNamespace]]]:

@@ -18,6 +18,7 @@ from surfuse.runs.side_files import (
     METRES_LIMIT,
     frame_toml,
     outline_csv,
+    read_corrections,
     read_sensors,
     sensors_toml,
 )
@@ -46,7 +47,8 @@ def read_readings_csv(
     table = read_csv_table(path)
     warnings: list[str] = []
     _check_poses(table)
-    specs = _specs(table, _beside(path, sensors, "sensors.toml"), assumed or AssumedSensor(), warnings)
+    sensors_file = _beside(path, sensors, "sensors.toml")
+    specs = _specs(table, sensors_file, assumed or AssumedSensor(), warnings)
     sensor = _sensor_numbers(table, specs)
     range_m, status = _ranges(table, warnings)
     axis = _unit_axes(table)
@@ -63,6 +65,7 @@ def read_readings_csv(
         amplitude=nothing if table.amplitude is None else table.amplitude[rows],
         sigma_m=nothing if table.sigma_m is None else table.sigma_m[rows],
         stop=None if table.stop is None else table.stop[rows],
+        corrections=() if sensors_file is None else read_corrections(sensors_file),
     )
     return assemble(single, _beside(path, frame, "frame.toml"), _beside(path, outline, "outline.csv"), warnings)
 

@@ -7,6 +7,7 @@ import io
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,20 @@ _SENSOR_KEYS = (
     "incidence_limit_deg",
     "dead_length_m",
     "firing_time_s",
+    "offset_m",
+    "scale",
+    "late_tilt_deg",
+    "late_bias_m",
+    "late_scatter_m",
 )
+
+
+@dataclass(frozen=True)
+class RangeCorrection:
+    """Calibration of a sensor's ranges: range = offset_m + scale x distance."""
+
+    offset_m: float = 0.0
+    scale: float = 1.0
 
 
 def read_sensors(path: Path) -> tuple[SensorSpec, ...]:
@@ -56,6 +70,24 @@ def read_sensors(path: Path) -> tuple[SensorSpec, ...]:
     if not specs:
         raise ConfigError("the file names no sensor", where=str(path), cure="write one table [name] a sensor")
     return tuple(specs)
+
+
+def read_corrections(path: Path) -> tuple[RangeCorrection, ...]:
+    """The calibrated offset and scale of each sensor of a sensors.toml; 0 and 1 where the file has none.
+
+    Raises
+    ------
+    ConfigError : not numbers, or a scale outside of 0.5 to 2.
+    """
+    found = []
+    for name, table in read_toml(path).items():
+        where = f"{path}:[{name}]"
+        if isinstance(table, Mapping):
+            scale = number(table, "scale", where, 1.0)
+            if not 0.5 <= scale <= 2.0:
+                raise ConfigError(f"scale = {scale:g}", where=where, cure="give a factor near 1, from 0.5 to 2")
+            found.append(RangeCorrection(number(table, "offset_m", where, 0.0), scale))
+    return tuple(found)
 
 
 def _spec(name: str, table: Mapping[str, object], where: str) -> SensorSpec:

@@ -43,6 +43,15 @@ class RayCaster:
         angle[met] = np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0)))
         return angle
 
+    def normals(self, origin_m: FloatArray, direction: FloatArray) -> FloatArray:
+        """Unit normal (N, 3) of the triangle that each ray meets first; nan without any."""
+        hit = self._hits(origin_m, direction)
+        found, met = np.full((len(origin_m), 3), np.nan), np.flatnonzero(hit >= 0)
+        a, b, c = np.moveaxis(self._corners[hit[met]], 1, 0)
+        normal = np.cross(b - a, c - a)
+        found[met] = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+        return found
+
     def _hits(self, origin_m: FloatArray, direction: FloatArray) -> IntArray:
         start = np.ascontiguousarray(origin_m - self._centre, dtype=np.float32)
         return np.asarray(self._scene.run(start, np.ascontiguousarray(direction, dtype=np.float32)), dtype=np.int64)
