@@ -57,7 +57,7 @@ def small_scan() -> tuple[FusionScene, Readings, MapGrid]:
     specs = tuple(
         SensorSpec(f"us{k}", "ultrasonic", 0.2, 1.2, 0.23, 3e-4, frequency_hz=63e3, aperture_m=0.04) for k in range(4)
     )
-    nodes = 0.01 * np.arange(_STOPS)
+    nodes = np.arange(_STOPS, dtype=np.float64) * 0.01
     u, v = (axis.ravel() for axis in np.meshgrid(nodes, nodes))
     down = np.diag([1.0, -1.0, -1.0])
     grips = np.array([pose(down, [x, y, _STANDOFF_M]) for x, y in zip(u, v, strict=True)])
