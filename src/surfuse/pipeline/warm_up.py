@@ -67,7 +67,7 @@ def small_scan() -> tuple[FusionScene, Readings, MapGrid]:
     ranges = _STANDOFF_M - 0.03 * (position[:, 1] < nodes.mean())
     readings = Readings(
         specs=specs,
-        t_s=0.05 * np.arange(n),
+        t_s=np.arange(n, dtype=np.float64) * 0.05,
         sensor=np.tile(np.arange(4), len(grips)),
         position_m=position,
         axis=np.tile([0.0, 0.0, -1.0], (n, 1)),
