@@ -41,18 +41,17 @@ def shots_in_log(spec: SensorSpec, log: Path, truth: Path) -> Shots:
     return replace(found, t_s=readings.t_s[mine][met])
 
 
-def facing_shots(readings: Readings, distances_m: tuple[float, ...], sensor: str | None, where: str) -> Shots:
+def facing_shots(readings: Readings, distances_m: tuple[float, ...], spec: SensorSpec, where: str) -> Shots:
     """Readings of a facing plate that stood at these distances one after the other, equally many at each.
 
     Raises
     ------
     DataError : no such sensor, or the readings cannot be shared out among the distances.
     """
-    names = [one.name for one in readings.specs]
-    name = names[0] if sensor is None else sensor
+    names, name = [one.name for one in readings.specs], spec.name
     if name not in names:
         raise DataError(f"no sensor '{name}' in the log", cure=nearest(name, names), where=where)
-    spec, mine = readings.specs[names.index(name)], readings.sensor == names.index(name)
+    mine = readings.sensor == names.index(name)
     count = int(mine.sum())
     if not distances_m or count < 2 * len(distances_m) or count % len(distances_m):
         raise DataError(

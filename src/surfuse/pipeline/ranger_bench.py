@@ -18,7 +18,7 @@ from surfuse.world.twin import ULTRASONIC, Twin, TwinParameters
 # The bench is so large that no beam reaches past its plate.
 _HALF_SIDE_M = 4.0
 _SPOT_M = 0.30
-_LOOK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+LOOK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Shots:
     `axis_m` (N,) is the distance to the plate along the sensor's axis, `incidence_rad` (N,) the angle between axis and
     normal, `expected_m` (N,) what the sensor should read: along the axis if it is optical. The echo of a wide beam
     comes from the foot of the perpendicular, so an ultrasonic one reads its dead length plus the distance of the plate
-    from the place where the beam starts.
+    from the place where the beam starts. `amplitude` (N,) is nan where it is not known.
     """
 
     axis_m: FloatArray
@@ -37,6 +37,7 @@ class Shots:
     range_m: FloatArray
     status: FloatArray
     t_s: FloatArray
+    amplitude: FloatArray
 
     @property
     def heard(self) -> float:
@@ -45,8 +46,8 @@ class Shots:
 
     def subset(self, chosen: BoolArray) -> Shots:
         """The readings marked in `chosen` (N,)."""
-        columns = (self.axis_m, self.incidence_rad, self.expected_m, self.range_m, self.status, self.t_s)
-        return Shots(*(column[chosen] for column in columns))
+        columns = (self.axis_m, self.incidence_rad, self.expected_m, self.range_m, self.status)
+        return Shots(*(column[chosen] for column in (*columns, self.t_s, self.amplitude)))
 
     def errors_m(self) -> FloatArray:
         """Range minus what it should be, of the readings that have a number."""
@@ -65,8 +66,11 @@ def shots_of(
         [float(Status.OK), float(Status.NO_ECHO), float(Status.TOO_CLOSE)],
         float(Status.FAULT),
     )
-    times = np.zeros(len(axis_m)) if echoes is None else np.array([echo.t_s for echo in echoes])
-    return Shots(axis_m, incidence_rad, expected_m, ranges_m, status, times)
+    times, strengths = np.zeros(len(axis_m)), np.full(len(axis_m), np.nan)
+    if echoes is not None:
+        times = np.array([echo.t_s for echo in echoes])
+        strengths = np.array([echo.amplitude for echo in echoes])
+    return Shots(axis_m, incidence_rad, expected_m, ranges_m, status, times, strengths)
 
 
 @dataclass
@@ -109,5 +113,5 @@ class Bench:
 
 def _place(axis_m: float, incidence_rad: float, y: float, z: float) -> FloatArray:
     """World-from-sensor pose whose axis meets the plate x = 0 at (0, y, z)."""
-    turn = rotation_about([0.0, 0.0, 1.0], incidence_rad) @ _LOOK
+    turn = rotation_about([0.0, 0.0, 1.0], incidence_rad) @ LOOK
     return pose(turn, np.array([0.0, y, z]) - axis_m * turn[:, 2])

@@ -268,6 +268,15 @@ def _nearest(spec: SensorSpec, seed: int) -> float | None:
     return None
 
 
+def two_way_beam_rad(spec: SensorSpec) -> float:
+    """Full angle between the -6 dB points of the two-way amplitude of the spec's piston."""
+    wave_number = 2.0 * np.pi * (spec.frequency_hz or KitParameters().frequency_hz) / 343.2
+    fine = np.radians(np.linspace(0.0, 90.0, 36001))
+    two_way = directivity(transducer_of(spec).aperture_m, wave_number, np.sin(fine)) ** 2
+    below = two_way < 0.5
+    return 2.0 * float(fine[int(np.argmax(below))]) if below.any() else float(np.pi)
+
+
 @dataclass(frozen=True)
 class _Beam:
     beam_deg: tuple[float, ...] = ()
@@ -284,8 +293,5 @@ def _beam(spec: SensorSpec) -> _Beam:
     sine = np.sin(np.radians(degrees))
     level = 40.0 * np.log10(np.maximum(np.abs(directivity(transducer_of(spec).aperture_m, wave_number, sine)), 1e-9))
     level = np.maximum(level, _DIRECTIVITY_FLOOR_DB)
-    fine = np.linspace(0.0, 60.0, 24001)
-    two_way = directivity(transducer_of(spec).aperture_m, wave_number, np.sin(np.radians(fine))) ** 2
-    below = two_way < 10.0 ** (-6.0 / 20.0)
-    full = 2.0 * float(fine[int(np.argmax(below))]) if below.any() else None
+    full = float(np.degrees(two_way_beam_rad(spec)))
     return _Beam(tuple(degrees.tolist()), tuple(level.tolist()), full)
