@@ -8,8 +8,9 @@ import pytest
 
 from surfuse.errors import DataError, UsageError
 from surfuse.pipeline import acceptance
-from surfuse.pipeline.acceptance import FAULTS, accept, judge, measured_model, metres, planted, twin_trials
+from surfuse.pipeline.acceptance import accept, judge, measured_model, metres
 from surfuse.pipeline.acceptance_checks import AcceptanceLimits
+from surfuse.pipeline.acceptance_trials import FAULTS, Trials, planted, twin_trials
 from surfuse.pipeline.ranger_bench import shots_of
 from surfuse.pipeline.sensor_sheet import NAMED
 from surfuse.records import SensorSpec
@@ -146,7 +147,7 @@ def test_slips_are_told_from_noise_and_do_not_count_as_bias():
     ranges = 0.5 + generator.normal(0.0, 3e-4, 200)
     ranges[:40] += half
     shots = shots_of(SPEC, np.full(200, 0.5), np.zeros(200), None, ranges)
-    found = {check.fault: check for check in judge(SPEC, acceptance.Trials(shots))}
+    found = {check.fault: check for check in judge(SPEC, Trials(shots))}
     assert found["cycle slips"].value == pytest.approx(20.0, abs=0.5)
     assert found["bias"].passed
     assert found["noise"].passed
@@ -161,5 +162,5 @@ def test_limits_and_distances_are_checked():
     with pytest.raises(UsageError, match="did you mean 'drift'"):
         planted(SPEC, "drit")
     shots = shots_of(LASER, np.ones(9), np.zeros(9), None, np.linspace(1.0, 1.001, 9))
-    strict = judge(LASER, acceptance.Trials(shots), AcceptanceLimits(noise_factor=0.01))
+    strict = judge(LASER, Trials(shots), AcceptanceLimits(noise_factor=0.01))
     assert [check.fault for check in strict if not check.passed] == ["noise"]
