@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from surfuse.errors import UsageError
 from surfuse.pipeline import acceptance_checks as checks
 from surfuse.pipeline.acceptance_checks import AcceptanceLimits, Check
 from surfuse.pipeline.acceptance_trials import Trials, log_trials, planted, twin_trials
-from surfuse.pipeline.outcome import Outcome, finite
+from surfuse.pipeline.outcome import Outcome
 from surfuse.pipeline.sensor_sheet import spec_of, two_way_beam_rad
 from surfuse.records import SensorSpec, Status
 from surfuse.report.line_charts import Chart, Series, page
@@ -54,10 +53,11 @@ def accept(
         trials = log_trials(spec, log, distances_m, warm_up)
     results = judge(spec, trials, wanted)
     faults = [check.fault for check in results if not check.passed]
+    source = "the twin" if log is None else str(log)
     data: dict[str, object] = {
         "surfuse": __version__,
         "sensor": spec.name,
-        "source": "the twin" if log is None else str(log),
+        "source": source,
         "passed": not faults,
         "faults": faults,
         "checks": [asdict(check) for check in results],
@@ -69,7 +69,7 @@ def accept(
     if model is not None:
         durable.write_text(model, model_text(spec, trials), overwrite=force)
     if out is not None:
-        durable.write_text(out, _page(spec, rows, charts_of(trials), data), overwrite=force)
+        durable.write_text(out, _page(spec, rows, charts_of(trials), source, trials.crosstalk), overwrite=force)
     rows += [("written", str(path)) for path in (out, model) if path is not None]
     return Outcome(data, rows)
 
@@ -175,8 +175,12 @@ def charts_of(trials: Trials) -> list[Chart]:
     return charts
 
 
-def _page(spec: SensorSpec, rows: list[tuple[str, str]], charts: list[Chart], data: dict[str, object]) -> str:
-    text = f"Source: {data['source']}. Every check has one limit and names one fault."
-    numbers = json.dumps(finite(data["crosstalk"]))
-    shown = [*rows, ("cross-talk, sender by receiver", numbers)] if data["crosstalk"] is not None else rows
+def _page(
+    spec: SensorSpec, rows: list[tuple[str, str]], charts: list[Chart], source: str, matrix: FloatArray | None
+) -> str:
+    text = f"Source: {source}. Every check has one limit and names one fault."
+    shown = list(rows)
+    for sender, shares in enumerate([] if matrix is None else matrix.tolist()):
+        changed = ", ".join(f"{100.0 * share:.0f} %" for share in shares)
+        shown.append((f"cross-talk of sender {sender} with receivers 0 to {len(shares) - 1}", changed))
     return page(f"Acceptance: {spec.name}", text, ("check", "verdict"), shown, charts, f"surfuse {__version__}")
