@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from surfuse.geometry.poses import pose, rotation_about
-from surfuse.records import FusionScene, Outline, Readings, SensorSpec
+from surfuse.records import FusionScene, MapGrid, Outline, Readings, SensorSpec, SurfaceMap
+from surfuse.registry import load
+from surfuse.surface.gridding import grid_points
 
 SPEC = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 0.0003)
 CORNERS = np.array([[-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]]) * 0.025
@@ -65,3 +68,50 @@ def scan_over(
 @pytest.fixture
 def scan() -> Callable[..., tuple[FusionScene, Readings]]:
     return scan_over
+
+
+def cone_ranges(surface: Depth, readings: Readings, half_rad: float, cell_m: float = 0.002) -> np.ndarray:
+    """What an ideal sonar hears: distance to the nearest point of w = surface(u, v) within the cone of each beam."""
+    u, v = np.meshgrid(np.arange(-0.15, 0.15, cell_m) + cell_m / 2, np.arange(-0.12, 0.12, cell_m) + cell_m / 2)
+    points = np.column_stack([u.ravel(), v.ravel(), surface(u, v).ravel()])
+    ranges = np.full(len(readings.range_m), np.inf)
+    for i, (start, axis) in enumerate(zip(readings.position_m, readings.axis, strict=True)):
+        near = points[np.hypot(*(points[:, :2] - start[:2]).T) < 0.08] - start
+        length = np.linalg.norm(near, axis=1)
+        seen = near @ axis >= length * np.cos(half_rad)
+        ranges[i] = length[seen].min(initial=np.inf)
+    return ranges
+
+
+def grid_of(scene: FusionScene, nu: int = 12, nv: int = 5) -> MapGrid:
+    """The nodes under the stops of `scan_over`."""
+    return MapGrid((np.arange(nu) - (nu - 1) / 2) * 0.01, (np.arange(nv) - (nv - 1) / 2) * 0.01, scene.world_from_part)
+
+
+@pytest.fixture
+def cone_scan() -> Callable[..., tuple[FusionScene, Readings]]:
+    """As `scan`, but heard by cones of the sensors' beam."""
+
+    def build(surface: Depth, **options: float) -> tuple[FusionScene, Readings]:
+        scene, readings = scan_over(surface, **options)  # type: ignore[arg-type]
+        heard = cone_ranges(surface, readings, SPEC.beam_full_angle_rad / 2)
+        bend = readings.range_m - (0.43 - surface(readings.position_m[:, 0], readings.position_m[:, 1]))
+        return scene, dataclasses.replace(readings, range_m=heard + np.where(np.isfinite(bend), bend, 0.0))
+
+    return build
+
+
+@pytest.fixture
+def mapped() -> Callable[..., SurfaceMap]:
+    """The map of a scan by a method with parameters, on the nodes under its stops."""
+
+    def run(
+        name: str, scene: FusionScene, readings: Readings, grid: MapGrid | None = None, **given: float
+    ) -> SurfaceMap:
+        module = load("fusion", name)
+        nu = int(np.sum(readings.row == 0)) or 1
+        where = grid if grid is not None else grid_of(scene, nu, max(readings.n_sweeps // nu, 1))
+        result = module.create(module.Parameters(**given)).replay(scene, readings, where)
+        return result.surface if result.surface is not None else grid_points(result.points, where, name, scene.outline)
+
+    return run

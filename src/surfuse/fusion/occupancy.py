@@ -23,9 +23,10 @@ import numpy as np
 
 from surfuse.confidence.gate import GateParameters
 from surfuse.confidence.parameters import check_within
-from surfuse.fusion.field_methods.cones import columns_within, nearest_node, off_axis, shell
+from surfuse.fusion.field_methods.cones import columns_between, columns_within, nearest_node
 from surfuse.fusion.field_methods.mapwise import Estimate, mapwise
 from surfuse.fusion.field_methods.places import covered
+from surfuse.fusion.field_methods.sonar_model import FAR, SonarModel, along_axis, in_cone, share_of, table_of_empty
 from surfuse.fusion.field_methods.support import telling
 from surfuse.fusion.field_methods.survey import Survey
 from surfuse.fusion.field_methods.voxels import columns_over
@@ -33,10 +34,7 @@ from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
 from surfuse.records import BoolArray, FloatArray, MapGrid
 
-SUMMARY = "Bayesian occupancy of voxels (Moravec, Elfes; Konolige's sonar model), surface at the crossing"
-
-FAR = 4.0
-"""Deviations from a reading beyond which a cell is empty, or says nothing."""
+SUMMARY = "Bayesian occupancy of voxels (Moravec, Elfes; Konolige's sonar model), first occupied one from above"
 
 CERTAIN = 30.0
 """Log-odds beyond which a voxel is no surer."""
@@ -67,33 +65,6 @@ class Parameters(GateParameters):
 
 
 @compiled
-def evidence(z_m: float, range_m: float, alpha: float, share: float, delta_m: float, other_per_m: float) -> float:
-    """Log likelihood ratio of occupied to empty for a cell at range z from a reading r (see the module)."""
-    x = (range_m - z_m) / delta_m
-    if x < -FAR:
-        return 0.0
-    if x > FAR:
-        return math.log1p(-alpha)
-    density = math.exp(-0.5 * x * x) / (2.5066282746310002 * delta_m)
-    before = 0.5 * math.erfc(-x / 1.4142135623730951)
-    return math.log1p(alpha * share * density / other_per_m) + math.log1p(-alpha * before)
-
-
-@compiled
-def _share(
-    s: FloatArray, a: FloatArray, r: float, spread: float, box: tuple[int, int, int, int], u: FloatArray, v: FloatArray
-) -> float:
-    """One over the columns of the cone's cap, each weighted by 1 - (angle / half angle)^2."""
-    total, (c0, c1, r0, r1) = 0.0, box
-    for k in range(r0, r1):
-        for c in range(c0, c1):
-            _, angle = shell(u[c] - s[0], v[k] - s[1], a, r, spread)
-            if angle < 1.0:
-                total += 1.0 - angle * angle
-    return 1.0 / max(total, 1.0)
-
-
-@compiled
 def log_odds(
     start: FloatArray,
     axis: FloatArray,
@@ -109,55 +80,36 @@ def log_odds(
     detection: float,
     other_per_m: float,
 ) -> FloatArray:
-    """Summed log-odds (R, C, Z) of all voxels, voxel 0 at the bottom; unwanted columns stay 0.
-
-    A sensor that measures along its axis speaks for the column that it meets, with share 1.
-    """  # fmt: skip
+    """Summed log-odds (R, C, Z) of all voxels, voxel 0 at the bottom; unwanted columns stay 0."""
     odds = np.zeros((len(v), len(u), count))
+    empty = table_of_empty(detection)
     for i in range(range_m.shape[0]):
         s, a, r = start[i], axis[i], range_m[i]
         if spread[i] == 0.0:
             k, c = nearest_node(s[0] + r * a[0], s[1] + r * a[1], u, v)
             if k >= 0 and wanted[k, c]:
-                foot = s[2] + r * a[2]
-                for q in range(count):
-                    # Along a slanted axis a height of h is h / |a_w| of range.
-                    z = r + (foot - bottom - q * size) / abs(a[2])
-                    odds[k, c, q] += evidence(z, r, detection, 1.0, delta[i], other_per_m)
+                model = SonarModel(delta[i], other_per_m, detection, 1.0, empty)
+                along_axis(odds[k, c], bottom, size, s[2] + r * a[2], a[2], r, model)
             continue
-        box = columns_within(s, a, r, spread[i], u, v)
-        share = _share(s, a, r, spread[i], box, u, v)
-        cos_edge = math.cos(spread[i])
-        c0, c1, r0, r1 = box
+        share = share_of(s, a, r, spread[i], columns_within(s, a, r, spread[i], u, v), u, v)
+        # No voxel is nearer than the top of the columns lies below the start.
+        near = min(r, max(0.0, s[2] - bottom - size * count))
+        c0, c1, r0, r1 = columns_between(s, a, near, r + FAR * delta[i], spread[i], u, v)
+        model = SonarModel(delta[i], other_per_m, detection, share, empty)
         for k in range(r0, r1):
             for c in range(c0, c1):
-                if not wanted[k, c]:
-                    continue
-                du, dv = u[c] - s[0], v[k] - s[1]
-                side = du * du + dv * dv
-                behind = r + FAR * delta[i]
-                if side >= behind * behind:
-                    continue
-                lowest = s[2] - math.sqrt(behind * behind - side)
-                first = max(0, int(np.ceil((lowest - bottom) / size)))
-                for q in range(first, count):
-                    drop = s[2] - bottom - q * size
-                    z = math.sqrt(side + drop * drop)
-                    if drop <= 0.0 or du * a[0] + dv * a[1] - drop * a[2] < z * cos_edge:
-                        continue
-                    angle = off_axis(du, dv, drop, a, z, spread[i])
-                    alpha = detection * (1.0 - angle * angle)
-                    if alpha > 0.0:
-                        odds[k, c, q] += evidence(z, r, alpha, share, delta[i], other_per_m)
+                if wanted[k, c]:
+                    in_cone(odds[k, c], bottom, size, u[c] - s[0], v[k] - s[1], s[2], a, r, spread[i], model)
     return odds
 
 
 @compiled
 def crossing(odds: FloatArray, bottom: float, size: float) -> tuple[float, float]:
-    """Height where a column (Z,) turns occupied, seen from above, and its standard deviation; nan where it never does.
+    """Height of the surface in a column (Z,) seen from above, and its standard deviation; nan where there is none.
 
-    The highest voxel with positive odds that lies below an empty one, or below everything; between the two the
-    crossing is linear. The deviation is that of the first occupied voxel met from above, plus that of a voxel.
+    The column is followed from above to its first positive voxel, where it turns occupied, and on to the first maximum
+    of the odds, refined by a parabola: the crossing itself lies in front of every reading by two or three of its
+    deviations. The deviation is that of the first occupied voxel met from above, plus that of a voxel.
     """
     top = odds.shape[0] - 1
     found = -1
@@ -167,9 +119,14 @@ def crossing(odds: FloatArray, bottom: float, size: float) -> tuple[float, float
             break
     if found < 0:
         return np.nan, np.nan
-    height = bottom + found * size
-    if found < top and odds[found + 1] < 0.0:
-        height += size * odds[found] / (odds[found] - odds[found + 1])
+    best = found
+    while best > 0 and odds[best - 1] > odds[best]:
+        best -= 1
+    height = bottom + best * size
+    if 0 < best < top:
+        bend = odds[best - 1] - 2.0 * odds[best] + odds[best + 1]
+        if bend < 0.0:
+            height += 0.5 * size * (odds[best - 1] - odds[best + 1]) / bend
     open_, mass, mean, square = 1.0, 0.0, 0.0, 0.0
     for q in range(top, -1, -1):
         if odds[q] == 0.0:

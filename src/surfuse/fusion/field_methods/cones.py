@@ -29,6 +29,19 @@ def columns_within(
 
 
 @compiled
+def columns_between(
+    start: FloatArray, axis: FloatArray, near_m: float, far_m: float, spread_rad: float, u: FloatArray, v: FloatArray
+) -> tuple[int, int, int, int]:
+    """First and last + 1 column and row of the nodes that a cone can cover between two ranges.
+
+    The cone is convex, so the hull of its two ends holds what lies between them.
+    """
+    a0, a1, b0, b1 = columns_within(start, axis, near_m, spread_rad, u, v)
+    c0, c1, d0, d1 = columns_within(start, axis, far_m, spread_rad, u, v)
+    return min(a0, c0), max(a1, c1), min(b0, d0), max(b1, d1)
+
+
+@compiled
 def off_axis(du: float, dv: float, drop: float, axis: FloatArray, range_m: float, spread_rad: float) -> float:
     """Angle between the axis and a point (du, dv, -drop) at this range, as a share of the spread; inf behind.
 

@@ -17,6 +17,12 @@ INSIDE = 1e-6
 """A node that lies outside of a triangle by this share of it lies on its rim."""
 
 
+SNAP_M = 1e-6
+"""Places are told apart to a micrometre where triangles are made of them."""
+
+SAME_DISTANCE = 1e-3
+"""Sites whose distances differ by a thousandth are equally near."""
+
 NEIGHBOURS = 9
 """Sites of a small plane: a square of three by three."""
 
@@ -77,10 +83,11 @@ def median_sites(points_m: FloatArray, sigma_m: FloatArray, pitch_m: float) -> S
     return Sites(_centres(points_m, group, count), height, sigma, count)
 
 
-def mean_sites(points_m: FloatArray, sigma_m: FloatArray, pitch_m: float) -> Sites:
+def mean_sites(points_m: FloatArray, sigma_m: FloatArray, pitch_m: float, believed: bool = False) -> Sites:
     """Inverse-variance mean height of the points (N, 3) of each cell.
 
-    Sigma is the larger of internal and external error (Birge, Phys. Rev. 40 (1932) 207).
+    Sigma is the larger of internal and external error (Birge, Phys. Rev. 40 (1932) 207); the internal one when the
+    readings' own sigma are believed.
     """
     group = groups(points_m[:, :2], pitch_m)
     n = int(group.max(initial=-1)) + 1
@@ -88,7 +95,8 @@ def mean_sites(points_m: FloatArray, sigma_m: FloatArray, pitch_m: float) -> Sit
     total = summed(weight, group, n)
     height = summed(weight * points_m[:, 2], group, n) / total
     misfit = summed(weight * (points_m[:, 2] - height[group]) ** 2, group, n) / np.maximum(count - 1, 1)
-    return Sites(_centres(points_m, group, count), height, np.sqrt(np.maximum(misfit, 1.0) / total), count)
+    inflation = np.ones(n) if believed else np.maximum(misfit, 1.0)
+    return Sites(_centres(points_m, group, count), height, np.sqrt(inflation / total), count)
 
 
 def _centres(points_m: FloatArray, group: IntArray, count: IntArray) -> FloatArray:
@@ -99,8 +107,9 @@ def _centres(points_m: FloatArray, group: IntArray, count: IntArray) -> FloatArr
 def between(sites: Sites, grid: MapGrid, wanted: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Height and sigma (R, C) at the wanted nodes: linear in the Delaunay triangle of sites around each node.
 
-    A wanted node outside of all triangles (the rim, a single line of sites) takes its nearest site. Other nodes are
-    nan. A plane is met exactly inside the triangles. The caller decides which nodes are near enough to a site.
+    A wanted node outside of all triangles (the rim, a single line of sites) takes its nearest site, or the mean of
+    those at the same distance. Other nodes are nan. A plane is met inside the triangles, to its slope times a
+    micrometre. The caller decides which nodes are near enough to a site.
     """
     height, sigma = np.full(grid.shape, np.nan), np.full(grid.shape, np.nan)
     if len(sites) == 0 or not np.any(wanted):
@@ -114,17 +123,20 @@ def between(sites: Sites, grid: MapGrid, wanted: BoolArray) -> tuple[FloatArray,
 
 def _corners(uv: FloatArray, nodes: FloatArray) -> tuple[IntArray, FloatArray]:
     """Three sites and their weights (Q, 3) for each node (Q, 2)."""
-    _, nearest = cKDTree(uv).query(nodes)
-    corner = np.repeat(np.asarray(nearest, dtype=np.int64)[:, None], 3, axis=1)
-    weight = np.tile([1.0, 0.0, 0.0], (len(nodes), 1))
+    distance, nearest = cKDTree(uv).query(nodes, k=[1, 2, 3])
+    same = distance <= distance[:, :1] * (1.0 + SAME_DISTANCE) + SNAP_M
+    corner = np.where(same, nearest, nearest[:, :1]).astype(np.int64)
+    weight = same / same.sum(axis=1, keepdims=True)
     if len(uv) < 3:
         return corner, weight
+    # On a lattice either diagonal of a square will do: whole micrometres keep the choice free of rounding.
+    centre = np.round(uv.mean(axis=0), 3)
     try:
-        mesh = Delaunay(uv - uv.mean(axis=0))
+        mesh = Delaunay(np.round((uv - centre) / SNAP_M) * SNAP_M)
     except QhullError:
         # Sites on one line span no triangle.
         return corner, weight
-    at = nodes - uv.mean(axis=0)
+    at = nodes - centre
     triangle = mesh.find_simplex(at, tol=INSIDE)
     frame = mesh.transform[triangle]
     share = np.einsum("qij,qj->qi", frame[:, :2], at - frame[:, 2])
