@@ -31,6 +31,9 @@ from surfuse.records import FloatArray, Gap, IntArray
 SUMMARY = "Kalman filter along each scan line: depth and slopes, gated, started afresh at a step"
 NO_CONFIDENCE = int(Gap.NO_CONFIDENCE)
 
+RIM_M = 1e-6
+"""A hit on the outline is on the part, whatever the rounding."""
+
 
 @dataclass(frozen=True)
 class Parameters(GateParameters):
@@ -98,7 +101,7 @@ def hits_of(
         own = scan.sigma_m[i]
         sigma = own if 0.0 < own < np.inf else limits.sigma_m[scan.sensor[i]]
         slant = part[2, 0] * scan.axis[i, 0] + part[2, 1] * scan.axis[i, 1] + part[2, 2] * scan.axis[i, 2]
-        hits[n, 4] = 1.0 if inside_m[i - first] >= 0.0 else 0.0
+        hits[n, 4] = 1.0 if inside_m[i - first] >= -RIM_M else 0.0
         hits[n, 3] = (sigma / max(abs(slant), 0.1)) ** 2 + (1.0 - hits[n, 4]) * late_m * late_m
         n += 1
     return n
