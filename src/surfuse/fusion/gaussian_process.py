@@ -119,7 +119,7 @@ def create(parameters: Parameters) -> FusionMethod:
         if not np.any(wanted):
             return Estimate(height, sigma, used)
         spacing = kept.spacing_m if np.isfinite(kept.spacing_m) else 0.01
-        sites = mean_sites(kept.foot_m, kept.sigma_m, SAME * spacing)
+        sites = mean_sites(kept.foot_m, kept.sigma_m, SAME * spacing, believed=True)
         tree, count = cKDTree(sites.uv_m), min(parameters.neighbours, len(sites))
         around = np.asarray(tree.query(sites.uv_m, k=[*range(1, count + 1)])[1], dtype=np.int64)
         covariance = _constants(parameters, sites, around, spacing)
