@@ -81,20 +81,19 @@ def winners(cast: IntArray, bottom_m: float, size_m: float) -> tuple[FloatArray,
 
     nan where nobody voted.
     """
-    most = cast.max(axis=2)
     centre = bottom_m + size_m * np.arange(cast.shape[2])
-
-    def moments(weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-        total = weight.sum(axis=2)
-        with np.errstate(invalid="ignore"):
-            mean = (weight @ centre) / total
-            spread = np.sum(weight * (centre - mean[..., None]) ** 2, axis=2) / total
-        return mean, spread
-
-    height, _ = moments((cast == most[..., None]).astype(np.float64))
-    _, spread = moments(np.where(2 * cast >= most[..., None], cast, 0).astype(np.float64))
-    heard = most > 0
-    return np.where(heard, height, np.nan), np.where(heard, np.sqrt(spread + size_m**2 / 12.0), np.nan)
+    height, sigma = np.full(cast.shape[:2], np.nan), np.full(cast.shape[:2], np.nan)
+    # Row by row: the votes of a large map are not copied as a whole.
+    for k, row in enumerate(cast):
+        most = row.max(axis=1)
+        heard = most > 0
+        best = (row == most[:, None])[heard].astype(np.float64)
+        strong = np.where(2 * row >= most[:, None], row, 0)[heard].astype(np.float64)
+        height[k, heard] = (best @ centre) / best.sum(axis=1)
+        mean = (strong @ centre) / strong.sum(axis=1)
+        spread = np.sum(strong * (centre - mean[:, None]) ** 2, axis=1) / strong.sum(axis=1)
+        sigma[k, heard] = np.sqrt(spread + size_m**2 / 12.0)
+    return height, sigma
 
 
 def create(parameters: Parameters) -> FusionMethod:
