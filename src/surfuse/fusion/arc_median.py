@@ -4,9 +4,9 @@ Choset, Nagatani and Lazar, The Arc-Transversal Median Algorithm, IEEE Trans. Ro
 513-521: an echo lies somewhere on an arc of equal range within the beam; arcs heard from other places cross it;
 crossings at a large enough angle are kept, and their median along the arc is where the echo came from. The median is
 not moved by a few stray readings. Here an arc is cut in two vertical slices, along u and along v, by the readings of
-the same slice; the two bearings make the direction. On a facing plate smaller than the reach of the beams all crossings lie
-towards its middle, so its rims come out too near: the arcs touch the plate and do not cross on it. An arc that nothing crosses keeps its middle (the modified variant)
-or is left out (the original one).
+the same slice; the two bearings make the direction. An arc that nothing crosses keeps its middle (the modified variant)
+or is left out (the original one). On a facing plate smaller than the reach of the beams most crossings lie towards its
+middle, so that its rims come out too near: there the arcs touch the surface and do not cross on it.
 """
 
 from __future__ import annotations
