@@ -37,6 +37,9 @@ def test_the_ranges_come_late_and_fit_the_target_better_at_their_own_time(name: 
     assert low < high < 0.0
     assert -130.0 < told["lag_ms"] < -40.0
     assert told["residual_after_mm"] < 0.9 * told["residual_before_mm"]
+    plane = told["target_plane"]["after"]
+    assert plane["angle_deg"] < 3.0
+    assert abs(plane["distance_mm"]) < 25.0
     facing = told["by_incidence"]["after"][0]
     assert abs(facing["median_mm"]) < 15.0
     assert facing["scatter_mm"] < 25.0
@@ -78,6 +81,10 @@ def test_a_made_up_recording_gives_back_its_lag(tmp_path: Path) -> None:
     assert high - low < 20.0
     assert told["lag_ms"] == pytest.approx(-60.0, abs=5.0)
     assert told["residual_after_mm"] < 8.0
+    before, after = told["target_plane"]["before"], told["target_plane"]["after"]
+    assert after["angle_deg"] < 0.3
+    assert after["distance_mm"] == pytest.approx(0.0, abs=2.0)
+    assert before["angle_deg"] > after["angle_deg"]
     assert told["residual_after_mm"] < 0.8 * told["residual_before_mm"]
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from surfuse.errors import DataError
 from surfuse.pipeline.outcome import Outcome, Watcher
 from surfuse.runs.scan_source import load_scan
 from surfuse.runs.tof_vicon import is_tof_vicon, read_tof_vicon
-from surfuse.surface.incidence import IncidenceError, errors_by_incidence
+from surfuse.surface.incidence import IncidenceError, PlaneError, errors_by_incidence, fitted_plane
 from surfuse.surface.time_lag import estimate_lag
 from surfuse.surface.truth import read_mesh
 
@@ -54,7 +55,24 @@ def sync(log: Path, truth: Path | None, max_lag_ms: float, watcher: Watcher) -> 
         summary["by_incidence"] = {"before": [_band(one) for one in before], "after": [_band(one) for one in after]}
         rows.append(("incidence", "median error, scatter: before lag and offset -> after (mm), echoes"))
         rows += [_band_row(one, two) for one in before for two in after if one.low_deg == two.low_deg]
+    if recording is not None and mesh is not None:
+        planes = [fitted_plane(scan.readings, mesh, lag_s) for lag_s in (0.0, found.lag_s)]
+        summary["target_plane"] = dict(zip(("before", "after"), map(_plane, planes), strict=True))
+        rows += [(f"target {name}", _plane_text(one)) for name, one in zip(("before", "after"), planes, strict=True)]
     return Outcome(summary, rows)
+
+
+def _plane(one: PlaneError | None) -> dict[str, object] | None:
+    if one is None:
+        return None
+    return {"angle_deg": math.degrees(one.angle_rad), "distance_mm": 1e3 * one.distance_m, "echoes": one.echoes}
+
+
+def _plane_text(one: PlaneError | None) -> str:
+    if one is None:
+        return "too few echoes to fit its plane"
+    angle, distance = math.degrees(one.angle_rad), 1e3 * one.distance_m
+    return f"fitted plane {angle:.2f} deg and {distance:+.1f} mm off the motion-capture plane, {one.echoes} echoes"
 
 
 def _band(one: IncidenceError) -> dict[str, object]:

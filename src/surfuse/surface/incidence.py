@@ -51,3 +51,41 @@ def errors_by_incidence(
             scatter = 1.4826 * float(np.median(np.abs(here - middle)))
             found.append(IncidenceError(float(low), float(low + BAND_DEG), len(here), middle, scatter))
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class PlaneError:
+    """A plane fitted to echoes against the true one: angle between the normals (rad), distance at the centre (m)."""
+
+    angle_rad: float
+    distance_m: float
+    echoes: int
+
+
+def fitted_plane(
+    readings: Readings, mesh: tuple[FloatArray, IntArray], lag_s: float = 0.0, rounds: int = 10
+) -> PlaneError | None:
+    """The plane through the echoes that belong to a flat mesh (world frame), with the poses of t + lag.
+
+    Total least squares, repeated without what is farther than 3 robust sigma; None with fewer than 20 echoes. The
+    distance counts from the centre of the mesh, positive on the side of the sensors.
+    """
+    rows = np.flatnonzero((readings.status == int(Status.OK)) & np.isfinite(readings.range_m))
+    place, axis = (values[rows] for values in moved_poses(readings, lag_s))
+    error = readings.range_m[rows] - RayCaster(*mesh).ranges(place, axis)
+    belongs = np.isfinite(error) & (np.abs(error) <= BELONGS_M)
+    if int(belongs.sum()) < LEAST_ECHOES:
+        return None
+    hits = (place + readings.range_m[rows, None] * axis)[belongs]
+    kept = np.ones(len(hits), dtype=np.bool_)
+    centre, normal = hits.mean(axis=0), np.zeros(3)
+    for _ in range(rounds):
+        centre = hits[kept].mean(axis=0)
+        normal = np.linalg.svd(hits[kept] - centre, full_matrices=False)[2][-1]
+        off = (hits - centre) @ normal
+        kept = np.abs(off) <= 3.0 * max(1.4826 * float(np.median(np.abs(off))), 1e-9)
+    a, b, c = mesh[0][mesh[1][0]]
+    true = np.cross(b - a, c - a) / np.linalg.norm(np.cross(b - a, c - a))
+    towards = np.sign((np.median(place, axis=0) - mesh[0].mean(axis=0)) @ normal)
+    distance = float((centre - mesh[0].mean(axis=0)) @ normal * towards)
+    return PlaneError(float(np.arccos(min(1.0, abs(float(true @ normal))))), distance, int(kept.sum()))
