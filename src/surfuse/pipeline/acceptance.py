@@ -14,7 +14,7 @@ from surfuse.pipeline.acceptance_checks import AcceptanceLimits, Check
 from surfuse.pipeline.acceptance_trials import Trials, log_trials, planted, twin_trials
 from surfuse.pipeline.outcome import Outcome
 from surfuse.pipeline.sensor_sheet import spec_of, two_way_beam_rad
-from surfuse.records import SensorSpec, Status
+from surfuse.records import FloatArray, SensorSpec, Status
 from surfuse.report.line_charts import Chart, Series, page
 from surfuse.runs.side_files import RangeCorrection, sensors_toml
 from surfuse.world.twin import ULTRASONIC
