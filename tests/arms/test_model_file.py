@@ -213,13 +213,18 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("fault", HOSTILE)
-def test_hostile_files_are_refused_with_a_cure(arm_file, fault: str) -> None:  # type: ignore[no-untyped-def]
+def test_hostile_files_are_refused_with_a_cure(  # type: ignore[no-untyped-def]
+    arm_file, fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     text, frame, words = HOSTILE[fault]
     path = arm_file(text, "arm.urdf" if text.startswith("<robot") else "arm.xml")
     with pytest.raises(DataError, match=words) as caught:
         model_file.create(path, frame, np.eye(4), np.eye(4))
     assert caught.value.cure
     assert caught.value.where == str(path)
+    # MuJoCo likes to leave a log in the working folder.
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
 def test_more_than_twelve_joints_are_refused(arm_file) -> None:  # type: ignore[no-untyped-def]

@@ -72,6 +72,11 @@ class ModelFileArm:
         return self._chain.capsules
 
     @property
+    def screw_arguments(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """What the kernels of `models.screw_chain` take: axes, points, frames at angle 0, lower and upper limits."""
+        return self._chain.axis, self._chain.point, self._home, self.lower_rad, self.upper_rad
+
+    @property
     def limits(self) -> JointLimits:
         """Position limits of the file, speed and acceleration limits of the parameters."""
         every = np.ones(len(self._chain.joint_names))
@@ -126,13 +131,13 @@ class ModelFileArm:
         if poses.ndim != 3 or poses.shape[1:] != (4, 4):
             raise DataError(f"poses have shape {poses.shape}, wanted (N, 4, 4)")
         targets = np.ascontiguousarray(self._base_from_world @ poses)
-        chain = (self._chain.axis, self._chain.point, self._home, self.lower_rad, self.upper_rad)
+        chain = self.screw_arguments
         spare = spread(_SPARE_STARTS, self.lower_rad, self.upper_rad)
         return solve_along(*chain, targets, self._configurations(targets), spare)
 
     def _configurations(self, targets: FloatArray) -> FloatArray:
         """Joints (K, J) of the first reachable target in different configurations; else the spread starts."""
-        chain = (self._chain.axis, self._chain.point, self._home, self.lower_rad, self.upper_rad)
+        chain = self.screw_arguments
         starts = spread(self._parameters.starts, self.lower_rad, self.upper_rad)
         for target in targets:
             found, reached = solve_along(*chain, target[None], starts, starts[:0])

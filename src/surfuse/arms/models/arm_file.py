@@ -92,6 +92,9 @@ def _check_text(path: Path) -> None:
 
 
 def _compiled(path: Path) -> mujoco.MjModel:
+    # Without a handler the library writes warnings into a file in the working folder.
+    handler = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_ignored)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         # Fixed links of URDF files would vanish into their parents, the tool frame among them.
@@ -104,6 +107,12 @@ def _compiled(path: Path) -> mujoco.MjModel:
         words = " ".join(str(error).split())
         cure = "put the mesh beside the file, or remove it" if "open" in words.lower() else "correct the file"
         raise DataError(f"MuJoCo refuses the arm: {words}", where=str(path), cure=cure) from error
+    finally:
+        mujoco.set_mju_user_warning(handler)
+
+
+def _ignored(message: str) -> None:
+    """Everything that matters is checked afterwards."""
 
 
 def _tool(model: mujoco.MjModel, data: mujoco.MjData, name: str, path: Path) -> tuple[int, FloatArray]:
