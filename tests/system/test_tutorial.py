@@ -33,17 +33,17 @@ def blocks() -> list[tuple[str, list[str]]]:
 def run(command: str) -> list[str]:
     """A command of the page in this process: its lines on stdout."""
     before, sys.argv = sys.argv, ["surfuse", *command.split()]
-    out = io.StringIO()
+    out, errors = io.StringIO(), io.StringIO()
     try:
         with (
             contextlib.redirect_stdout(out),
-            contextlib.redirect_stderr(io.StringIO()),
+            contextlib.redirect_stderr(errors),
             pytest.raises(SystemExit) as end,
         ):
             main()
     finally:
         sys.argv = before
-    assert not end.value.code, f"{command} ended with {end.value.code}"
+    assert not end.value.code, f"{command} ended with {end.value.code}: {errors.getvalue()}"
     return out.getvalue().splitlines()
 
 
