@@ -148,6 +148,23 @@ def test_despiking_asks_the_neighbours_and_not_the_other_sensors(scan):
     np.testing.assert_array_equal(np.flatnonzero(~supported(spiked)), spikes)
 
 
+def test_most_spikes_are_found_among_three_in_ten(scan):
+    scene, readings = scan(lambda u, v: 0.0 * u, nu=20, nv=14, outlined=False, outliers=0.3, seed=7)
+    s = heard(scene, readings, nodes(scene))
+    spike = np.abs(s.foot_m[:, 2]) > 0.01
+    kept = supported(s)
+    assert kept[~spike].mean() > 0.99
+    assert kept[spike].mean() < 0.12
+
+
+def test_readings_of_one_place_judge_each_other(scan):
+    scene, readings = scan(lambda u, v: 0.0 * u, nu=1, nv=1, outlined=False)
+    twelve = np.zeros(12, dtype=np.int64)
+    s = heard(scene, readings, nodes(scene)).select(twelve)
+    s.foot_m[5, 2] += 0.05
+    np.testing.assert_array_equal(np.flatnonzero(~supported(s)), [5])
+
+
 def test_spacing_is_that_of_the_stops(scan):
     scene, readings = scan(lambda u, v: 0.0 * u)
     assert heard(scene, readings, nodes(scene)).spacing_m == pytest.approx(0.01)

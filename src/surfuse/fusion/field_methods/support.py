@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from surfuse.fusion.field_methods.places import feet_on_part
-from surfuse.fusion.field_methods.survey import Survey
+from surfuse.fusion.field_methods.survey import SAME_PLACE_M, Survey
 from surfuse.records import BoolArray, MapGrid
 
 NEIGHBOURS = 12
@@ -21,6 +21,8 @@ SHARE = 0.25
 STEEPEST = 1.0
 """Steepest slope between neighbours that is still a slope: 45 degrees, beyond every usable incidence."""
 
+PASSES = 2
+
 FLOOR_M = 0.002
 SIGMAS = 4.0
 
@@ -31,22 +33,27 @@ def supported(survey: Survey) -> BoolArray:
     A neighbour confirms a height that lies within 45 degrees of its own, plus 2 mm and four standard deviations.
     Neighbours are the twelve nearest within three stops, where the axes looked and not where the echoes seemed to
     come from, whichever sensor read them and whenever: not the other sensors of the same stop, which look elsewhere.
-    A lone spike, late or early, has nobody on its side; both sides of a step have.
+    A lone spike, late or early, has nobody on its side; both sides of a step have. Those left are asked once more
+    about each other, so that spikes do not confirm spikes.
     """
     n = len(survey)
-    if n <= JUDGES or not np.isfinite(survey.spacing_m):
+    if n <= JUDGES:
         return np.ones(n, dtype=np.bool_)
-    k = min(NEIGHBOURS + 1, n)
-    distance, index = cKDTree(survey.aim_m).query(survey.aim_m, k=k, distance_upper_bound=3.0 * survey.spacing_m)
+    # With one stop only the readings of the same place can be asked.
+    reach = 3.0 * survey.spacing_m if np.isfinite(survey.spacing_m) else SAME_PLACE_M
+    distance, index = cKDTree(survey.aim_m).query(survey.aim_m, k=min(NEIGHBOURS + 1, n), distance_upper_bound=reach)
     # Among readings at one place the reading itself need not come first.
     near = np.isfinite(distance) & (index != np.arange(n)[:, None])
     other = np.where(near, index, 0)
     rise = np.abs(survey.foot_m[other, 2] - survey.foot_m[:, None, 2])
     noise = np.hypot(survey.sigma_m[other], survey.sigma_m[:, None])
     allowed = STEEPEST * np.where(near, distance, 0.0) + SIGMAS * noise + FLOOR_M
-    judges = near.sum(axis=1)
-    agree = (near & (rise <= allowed)).sum(axis=1)
-    return np.asarray((judges < JUDGES) | (agree >= SHARE * judges), dtype=np.bool_)
+    keep = np.ones(n, dtype=np.bool_)
+    for _ in range(PASSES):
+        asked = near & keep[other]
+        judges, agree = asked.sum(axis=1), (asked & (rise <= allowed)).sum(axis=1)
+        keep &= (judges < JUDGES) | (agree >= SHARE * judges)
+    return keep
 
 
 def telling(survey: Survey, grid: MapGrid, despike: bool = True) -> BoolArray:
