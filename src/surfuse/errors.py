@@ -65,8 +65,8 @@ class StorageError(SurfuseError):
     exit_status = 6
 
 
-class InterruptedScanError(SurfuseError):
-    """The user stopped an acquisition at once; what was scanned before is on disk, and it can be resumed."""
+class InterruptError(SurfuseError):
+    """The user stopped the work at once; an acquisition keeps what it had scanned, and can be resumed."""
 
     exit_status = 130
 

@@ -5,19 +5,23 @@ Nothing heavy is imported here, so that `surfuse --help` answers at once: every 
 
 from __future__ import annotations
 
+import functools
 import importlib
 import os
 import pkgutil
 import sys
 import traceback
+from collections.abc import Callable
 from contextlib import suppress
-from typing import NoReturn
+from typing import NoReturn, ParamSpec, TypeVar
 
 import typer
 
 from surfuse import __version__
-from surfuse.errors import StorageError, SurfuseError, UsageError, nearest
+from surfuse.errors import InterruptError, StorageError, SurfuseError, UsageError, nearest
 
+P = ParamSpec("P")
+T = TypeVar("T")
 INTERRUPTED = 130
 DEBUG = "--debug"
 ClickUsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # wherever typer keeps click
@@ -56,6 +60,23 @@ def _register() -> None:
     for module in sorted(entry.name for entry in pkgutil.iter_modules(__path__)):
         if not module.startswith("_"):
             importlib.import_module(f"{__name__}.{module}").register(app)
+    groups = [group.typer_instance for group in app.registered_groups if group.typer_instance is not None]
+    for command in [entry for program in (app, *groups) for entry in program.registered_commands]:
+        if command.callback is not None:
+            command.callback = _tells_interrupts(command.callback)
+
+
+def _tells_interrupts(work: Callable[P, T]) -> Callable[P, T]:
+    """The same command, with Ctrl-C as an error that is told: typer ends silently."""
+
+    @functools.wraps(work)
+    def told(*arguments: P.args, **options: P.kwargs) -> T:
+        try:
+            return work(*arguments, **options)
+        except KeyboardInterrupt as error:
+            raise InterruptError("interrupted") from error
+
+    return told
 
 
 def _check_command(arguments: list[str]) -> None:

@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 
 from surfuse.cell import Cell
-from surfuse.errors import DataError, InterruptedScanError, StorageError
+from surfuse.errors import DataError, InterruptError, StorageError
 from surfuse.interfaces import FusionMethod
 from surfuse.pipeline.finishing import Finished, bus_event, finish, outcome_of
 from surfuse.pipeline.methods import create_method
@@ -88,7 +88,7 @@ def _resumable(run: RunFolder) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as error:
-        raise InterruptedScanError(
+        raise InterruptError(
             "interrupted; what was scanned is on disk", cure=f"go on with 'surfuse resume {run.path}'"
         ) from error
 
