@@ -167,8 +167,10 @@ def _watch(parts: ServoArm, kinematics: Puma560, trajectory: Trajectory, wait: b
     count = len(commands)
     true, torque = np.empty((count, 6)), np.empty((count, 6))
     for i in range(count):
+        # A command is for the moment at which its tick reads the encoders.
+        true[i] = parts.plant.position_rad
         servo.tick(commands.position_rad[i], commands.velocity_rad_s[i], commands.acceleration_rad_s2[i])
-        true[i], torque[i] = parts.plant.position_rad, servo.torque_nm
+        torque[i] = servo.torque_nm
     t = np.linspace(period, count * period, count)
     planned = trajectory.sample(t)[0]
     error = np.linalg.norm((kinematics.forward(true) - kinematics.forward(planned))[:, :3, 3], axis=1)
