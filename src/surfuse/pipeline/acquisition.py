@@ -15,7 +15,7 @@ from surfuse.interfaces import FusionMethod
 from surfuse.pipeline.finishing import Finished, bus_event, finish, outcome_of
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, Watcher
-from surfuse.pipeline.steps import go_to_start, locate, plan_for, scene_of, walk
+from surfuse.pipeline.steps import finder, go_to_start, locate, plan_for, scene_of, walk
 from surfuse.pipeline.warm_up import warm_up_beside
 from surfuse.records import FusionScene, ScanPlan, Sweep
 from surfuse.runs.configuration import read_configuration, write_configuration
@@ -36,6 +36,7 @@ def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
     """
     began = time.perf_counter()
     settings = _from_anywhere(settings)
+    finder(settings)  # an unknown threshold is refused before anything is written
     method, cell = create_method(settings.fusion), build_cell(settings)
     run = RunFolder.create(out or default_folder(settings.scene.name))
     with run.lock(), _resumable(run):

@@ -10,6 +10,9 @@ from surfuse.records import FloatArray, MapGrid
 SAME_M = 1e-9
 """Nodes closer than this are the same node."""
 
+MOST_NODES = 10_000_000
+"""A grid that is continued to more nodes than this has met a truth in other units or another frame."""
+
 
 def same_nodes(a: MapGrid, b: MapGrid) -> bool:
     """Whether two grids have the same nodes in the same frame."""
@@ -46,16 +49,22 @@ def extended_grid(grid: MapGrid, low_uv_m: FloatArray, high_uv_m: FloatArray) ->
         # A node within a millionth of a step of the box's edge is on it.
         before = max(0, int(np.floor((nodes[0] - low) / first + 1e-6)))
         after = max(0, int(np.floor((high - nodes[-1]) / last + 1e-6)))
-        if before + after > 10_000_000:
-            raise DataError(
-                f"truth is {max(before, after)} steps of the map away", cure="check units and frames of map and truth"
-            )
+        if before + after > MOST_NODES:
+            raise _too_far(max(before, after))
         axes.append(
             np.concatenate(
                 [nodes[0] - first * np.arange(before, 0, -1), nodes, nodes[-1] + last * np.arange(1, after + 1)]
             )
         )
+    if len(axes[0]) * len(axes[1]) > MOST_NODES:
+        raise _too_far(max(len(axes[0]), len(axes[1])))
     return MapGrid(axes[0], axes[1], grid.world_from_part)
+
+
+def _too_far(steps: int) -> DataError:
+    return DataError(
+        f"truth reaches {steps} steps of the map far", cure="check units (--scale) and frames of map and truth"
+    )
 
 
 def refined(grid: MapGrid, factor: int) -> MapGrid:
