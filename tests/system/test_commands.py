@@ -17,8 +17,8 @@ import trimesh
 from surfuse import __version__, cli, registry
 from surfuse.exporters import nc
 
-QUICK = ("--set", "scan.step_m=0.04")
-QUICKEST = ("--set", "scan.step_m=0.08")
+QUICK = ("--set", "scan.step_m=0.04", "--method", "weighted_average")
+QUICKEST = ("--set", "scan.step_m=0.08", "--method", "weighted_average")
 SCORE = ("rmse_mm", "mae_mm", "bias_mm", "p95_mm", "coverage", "cells")
 
 
@@ -90,7 +90,7 @@ def test_the_cell_file_of_a_run_repeats_it_to_the_last_bit(command, tmp_path, fl
 
 
 def test_another_seed_gives_another_map(command, tmp_path, flat_run, map_bits):
-    command("acquire", "flat", *QUICK, "--seed", "2", "--out", tmp_path / "two", "--json")
+    command("acquire", "--cell", flat_run / "run.toml", "--seed", "2", "--out", tmp_path / "two", "--json")
     one, two = map_bits(flat_run), map_bits(tmp_path / "two")
     assert one["SurfaceMap.height_m"] != two["SurfaceMap.height_m"]
 
@@ -113,8 +113,16 @@ def test_live_and_replayed_fusion_give_identical_bits(command, tmp_path, flat_ru
     assert map_bits(tmp_path / "again") == map_bits(flat_run)
 
 
+def test_so_does_the_default_method(command, tmp_path, map_bits):
+    answer = command("acquire", "flat", *QUICK, "--out", tmp_path / "live", "--json")
+    assert (answer.status, answer.json["method"]) == (0, "beam")
+    command("fuse", tmp_path / "live", "--out", tmp_path / "again", "--quiet")
+    assert map_bits(tmp_path / "again") == map_bits(tmp_path / "live")
+
+
 def test_a_log_alone_is_as_good_as_its_run_folder(command, tmp_path, flat_run, map_bits):
-    command("fuse", flat_run / "log" / "000.mcap", "--out", tmp_path / "again", "--json")
+    log = flat_run / "log" / "000.mcap"
+    command("fuse", log, "--method", "weighted_average", "--out", tmp_path / "again", "--json")
     assert map_bits(tmp_path / "again") == map_bits(flat_run)
 
 
