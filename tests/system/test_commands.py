@@ -17,8 +17,7 @@ import trimesh
 from surfuse import __version__, cli, registry
 from surfuse.exporters import nc
 
-QUICK = ("--set", "scan.step_m=0.04", "--method", "weighted_average")
-QUICKEST = ("--set", "scan.step_m=0.08", "--method", "weighted_average")
+QUICKEST = ("--set", "scan.step_m=0.05")
 SCORE = ("rmse_mm", "mae_mm", "bias_mm", "p95_mm", "coverage", "cells")
 
 
@@ -104,7 +103,7 @@ def test_options_win_over_the_cell_file_and_set_over_its_values(command, tmp_pat
     )
     assert (answer.json["scene"], answer.json["seed"], answer.json["method"]) == ("flat", 9, "mean")
     scan = tomllib.loads((tmp_path / "r" / "run.toml").read_text())["scan"]
-    assert (scan["step_m"], scan["margin_m"]) == (0.08, 0.03)
+    assert (scan["step_m"], scan["margin_m"]) == (0.05, 0.03)
 
 
 def test_live_and_replayed_fusion_give_identical_bits(command, tmp_path, flat_run, map_bits):
@@ -114,7 +113,7 @@ def test_live_and_replayed_fusion_give_identical_bits(command, tmp_path, flat_ru
 
 
 def test_so_does_the_default_method(command, tmp_path, map_bits):
-    answer = command("acquire", "flat", *QUICK, "--out", tmp_path / "live", "--json")
+    answer = command("acquire", "flat", *QUICKEST, "--out", tmp_path / "live", "--json")
     assert (answer.status, answer.json["method"]) == (0, "beam")
     command("fuse", tmp_path / "live", "--out", tmp_path / "again", "--quiet")
     assert map_bits(tmp_path / "again") == map_bits(tmp_path / "live")
