@@ -80,6 +80,15 @@ def test_things_that_do_not_stand_on_the_table_are_no_parts(thing):
     assert len(find_parts(frame(scene([thing, PART])), table=TableRing())) == 1
 
 
+def test_what_stands_behind_the_table_is_no_part():
+    # The table hides its foot: it ends in the picture where the table's far edge is.
+    far, _ = foot_rows(frame(scene()), np.array([250.0, 300.0]), TableRing())
+    hidden = (200, int(far), 200, 300, 180.0)
+    assert find_parts(frame(scene([hidden])), table=TableRing()) == ()
+    standing = (200, int(far) + 6, 200, 300, 180.0)
+    assert len(find_parts(frame(scene([standing])), table=TableRing())) == 1
+
+
 def test_part_cut_by_the_side_is_marked():
     (found,) = find_parts(frame(scene([(250, 415, 0, 60, 180.0)])), table=TableRing())
     assert found.touches_border

@@ -34,18 +34,20 @@ class FindParameters:
     area_min_px : least number of pixels.
     blur_px : standard deviation of the smoothing before the threshold.
     noise_ratio : how many standard deviations a part stands out when the picture is not bimodal as a whole.
-    foot_slack_px : how far from the table a part's lowest pixel may be, up or down.
+    foot_slack_px : how far below the table's near edge a part's lowest pixel may be.
+    behind_px : how far below the table's far edge it must be: at the edge itself ends whatever stands behind the table.
     """
 
     method: str = "otsu"
     polarity: Polarity = "auto"
     separability_min: float = 0.3
     contrast_min: float = 12.0
-    edge_share_min: float = 0.6
+    edge_share_min: float = 0.75
     area_min_px: float = 64.0
     blur_px: float = 1.0
     noise_ratio: float = 6.0
     foot_slack_px: float = 6.0
+    behind_px: float = 3.0
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -55,7 +57,7 @@ class FindParameters:
         for name in ("separability_min", "edge_share_min"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ConfigError(f"{name} = {getattr(self, name)}", cure="give a share between 0 and 1")
-        for name in ("contrast_min", "area_min_px", "blur_px", "noise_ratio", "foot_slack_px"):
+        for name in ("contrast_min", "area_min_px", "blur_px", "noise_ratio", "foot_slack_px", "behind_px"):
             if not 0.0 <= getattr(self, name) < float("inf"):
                 raise ConfigError(f"{name} = {getattr(self, name)}", cure="give a finite number >= 0")
 
@@ -72,7 +74,7 @@ def find_parts(
 
     def stands(detection: Detection) -> bool:
         return not _runs_through(detection, frame.camera.width_px) and (
-            table is None or _on_table(detection, frame, table, chosen.foot_slack_px)
+            table is None or _on_table(detection, frame, table, chosen)
         )
 
     return _find(frame.image, chosen, stands)
@@ -102,10 +104,16 @@ def _evenly_lit(
     outliers: list[Detection] = []
     for bright in (True, False):
         if chosen.polarity in ("auto", "bright" if bright else "dark"):
-            mask = residual > least if bright else residual < -least
+            mask = _without_threads(residual > least if bright else residual < -least)
             level = int(np.clip(_MIDDLE + (least if bright else -least), 0, 255))
             outliers += _detections(smooth, mask, bright, Threshold(level, 0.0, chosen.method), chosen)
     return tuple(filter(accept, sorted(outliers, key=lambda detection: -detection.area_px)))
+
+
+def _without_threads(mask: BoolArray) -> BoolArray:
+    """The mask without what is thinner than three pixels: noise near the limit grows threads that reach the table."""
+    opened = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return np.asarray(opened, dtype=np.uint8).view(np.bool_)
 
 
 def _divided(
@@ -170,10 +178,12 @@ def _runs_through(detection: Detection, width_px: int) -> bool:
     return bool(x.min() <= 1.0 and x.max() >= width_px - 2.0)
 
 
-def _on_table(detection: Detection, frame: CameraFrame, table: TableRing, slack_px: float) -> bool:
+def _on_table(detection: Detection, frame: CameraFrame, table: TableRing, chosen: FindParameters) -> bool:
     lowest: FloatArray = detection.contour_px[np.argmax(detection.contour_px[:, 1])]
     rows = foot_rows(frame, lowest, table)
     if rows is None:
         return False
     bottom = frame.camera.height_px - 1.0
-    return rows[0] - slack_px <= lowest[1] <= rows[1] + slack_px or (lowest[1] >= bottom - 1.0 and rows[1] > bottom)
+    below_far_edge = rows[0] + chosen.behind_px <= lowest[1]
+    above_near_edge = lowest[1] <= rows[1] + chosen.foot_slack_px
+    return (below_far_edge and above_near_edge) or (lowest[1] >= bottom - 1.0 and rows[1] > bottom)
