@@ -2,39 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from surfuse.exporters import nc
-from surfuse.pipeline.acquisition import acquire
-from surfuse.pipeline.outcome import SilentWatcher
 from surfuse.pipeline.scoring import edge_m
 from surfuse.records import Gap, SurfaceMap
-from surfuse.settings import load
 from surfuse.surface.compare import score
 from surfuse.surface.splines import spline_surface
 from surfuse.surface.truth import read_mesh, truth_around
 
 STEP_M = 0.09
-
-
-@pytest.fixture(scope="module")
-def experiment(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The run folder of a scene, acquired once."""
-    folder = tmp_path_factory.mktemp("paper")
-    done: dict[str, Path] = {}
-
-    def run(scene: str) -> Path:
-        if scene not in done:
-            settings = load(None, [f"scene.name={scene}", "fusion.method=weighted_average"])
-            assert acquire(settings, folder / scene, SilentWatcher()).complete
-            done[scene] = folder / scene
-        return done[scene]
-
-    return run
 
 
 def scored(run: Path, surface: SurfaceMap | None = None):
@@ -83,6 +63,7 @@ def test_splines_round_the_relief_further(experiment):
         return float(np.nanmax(np.abs(np.diff(np.where(one.mask, one.height_m, np.nan), axis=0))))
 
     assert steepest(drawn) < steepest(surface)
+    assert scored(run, drawn).rmse_m > scored(run, surface).rmse_m
 
 
 def test_prediction_starts_afresh_at_the_step_and_the_boundary_lowers_confidence(experiment):
