@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Self
 
 
 class SurfuseError(Exception):
@@ -27,6 +29,10 @@ class SurfuseError(Exception):
     def __str__(self) -> str:
         text = f"{self.where}: {self.what}" if self.where else self.what
         return f"{text}; {self.cure}" if self.cure else text
+
+    def __reduce__(self) -> tuple[Callable[[], Self], tuple[()]]:
+        """Copies and pickles whole: workers of a process pool raise these errors too."""
+        return partial(type(self), self.what, cure=self.cure, where=self.where), ()
 
 
 class UsageError(SurfuseError):
