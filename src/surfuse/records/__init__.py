@@ -1,0 +1,48 @@
+"""The vocabulary: frozen records that every stage speaks, checked once, arrays read-only.
+
+Units are SI and carried in the names. Frames: `world` (z up, origin on the floor under the first axis of
+the arm), `part` (u along the scan line, v up from the table, w out of the part towards the sensors),
+`grip` (origin in the centre of the sensor array, z along the grip axis towards the part), `sensor`
+(origin on the transducer, z along the beam), `camera` (optical: z forward, x right, y down).
+Ranges follow REP-117: `+inf` nothing within range, `-inf` too close, `nan` a faulty reading.
+"""
+
+from surfuse.records.checks import BoolArray, ByteArray, FloatArray, IntArray
+from surfuse.records.codes import Gap, Gate, Regime, Status
+from surfuse.records.fused import FusedPoint, FusedPoints, FusionScene
+from surfuse.records.pictures import CameraFrame, CameraModel, Detection, Outline
+from surfuse.records.plan import ScanPlan, SkippedStop
+from surfuse.records.readings import Readings, readings_from_sweeps
+from surfuse.records.sensing import Echo, Fixture, JointState, SensorSpec, Sweep
+from surfuse.records.surface import FusionResult, MapGrid, Score, SurfaceMap
+
+__all__ = [
+    "BoolArray",
+    "ByteArray",
+    "CameraFrame",
+    "CameraModel",
+    "Detection",
+    "Echo",
+    "Fixture",
+    "FloatArray",
+    "FusedPoint",
+    "FusedPoints",
+    "FusionResult",
+    "FusionScene",
+    "Gap",
+    "Gate",
+    "IntArray",
+    "JointState",
+    "MapGrid",
+    "Outline",
+    "Readings",
+    "Regime",
+    "ScanPlan",
+    "Score",
+    "SensorSpec",
+    "SkippedStop",
+    "Status",
+    "SurfaceMap",
+    "Sweep",
+    "readings_from_sweeps",
+]

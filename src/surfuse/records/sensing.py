@@ -1,0 +1,132 @@
+"""Sensors, echoes, joint states and one sweep of the array."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from surfuse.errors import DataError
+from surfuse.records.checks import FloatArray, IntArray, own, own_pose
+from surfuse.records.codes import Status
+
+
+@dataclass(frozen=True)
+class SensorSpec:
+    """What is known of a range sensor before it is used; the estimators know no more than this.
+
+    `dead_length_m` says how far in front of the sensor's origin its beam starts (a tube); the range counts from the
+    origin.
+    """
+
+    name: str
+    kind: str
+    range_min_m: float
+    range_max_m: float
+    beam_full_angle_rad: float
+    sigma_m: float
+    incidence_limit_rad: float = float(np.radians(25.0))
+    firing_time_s: float = 0.05
+    frequency_hz: float | None = None
+    aperture_m: float | None = None
+    dead_length_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.range_min_m < self.range_max_m:
+            raise DataError(
+                f"sensor '{self.name}': range_min_m = {self.range_min_m} and range_max_m = {self.range_max_m}",
+                cure="give 0 <= range_min_m < range_max_m, in metres",
+            )
+        if not 0.0 < self.beam_full_angle_rad <= np.pi:
+            degrees = np.degrees(self.beam_full_angle_rad)
+            raise DataError(f"sensor '{self.name}': beam_full_angle_deg = {degrees:g}", cure="give 0 < angle <= 180")
+        if not self.sigma_m > 0.0:
+            raise DataError(
+                f"sensor '{self.name}': sigma_m = {self.sigma_m}",
+                cure="give a standard deviation > 0 in metres",
+            )
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """Where the S sensors of the array sit: `grip_from_sensor` (S, 4, 4), beams along each sensor's z."""
+
+    grip_from_sensor: FloatArray
+    specs: tuple[SensorSpec, ...]
+
+    def __post_init__(self) -> None:
+        own(self, np.float64, grip_from_sensor=(len(self.specs), 4, 4))
+
+    def __len__(self) -> int:
+        return len(self.specs)
+
+
+@dataclass(frozen=True)
+class Echo:
+    """The answer of one sensor to one trigger: the mean of several pings, already averaged by the node.
+
+    `amplitude` is the strength of the echo (1: a facing plate; nan: unknown), `spread_m` the standard deviation
+    of the pings that agreed, `count` how many they were, `t_s` the moment of the first emission.
+    """
+
+    range_m: float
+    status: Status
+    t_s: float
+    amplitude: float = float("nan")
+    spread_m: float = float("nan")
+    count: int = 1
+
+
+@dataclass(frozen=True)
+class JointState:
+    """Joint positions (J,) rad at a moment."""
+
+    position_rad: FloatArray
+    t_s: float
+
+    def __post_init__(self) -> None:
+        own(self, np.float64, position_rad=(None,))
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The readings of one stop: S readings in columns, with the pose of each sensor as reached (world frame).
+
+    `sensor` (S,) indexes the specs of the scan; a sensor may be missing. `axis` (S, 3) has unit length. `spread_m` (S,)
+    is the scatter of the pings behind each reading, `sigma_m` (S,) the standard deviation of the reading where the log
+    states one, else nan: then the spec's holds.
+    """
+
+    stop: int
+    row: int
+    world_from_grip: FloatArray
+    t_s: FloatArray
+    sensor: IntArray
+    position_m: FloatArray
+    axis: FloatArray
+    range_m: FloatArray
+    status: IntArray
+    amplitude: FloatArray
+    spread_m: FloatArray
+    count: IntArray
+    joints_rad: FloatArray = field(default_factory=lambda: np.zeros(0))
+    sigma_m: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        s = len(self.sensor)
+        if not np.size(self.sigma_m):
+            object.__setattr__(self, "sigma_m", np.full(s, np.nan))
+        own(
+            self,
+            np.float64,
+            t_s=(s,),
+            position_m=(s, 3),
+            axis=(s, 3),
+            range_m=(s,),
+            amplitude=(s,),
+            spread_m=(s,),
+            sigma_m=(s,),
+        )
+        own(self, np.int64, sensor=(s,), status=(s,), count=(s,))
+        own(self, np.float64, joints_rad=(None,))
+        own_pose(self, "world_from_grip")
