@@ -8,17 +8,13 @@ from functools import partial
 
 import numpy as np
 
-from surfuse.arms import puma560, simulated
-from surfuse.arms.puma.volume import CAPSULES, TOOL_LINK, column
+from surfuse.arm_in_cell import arm_in_cell
 from surfuse.array_on_bus import ArrayElsewhere, ArrayInProcess, elsewhere, in_process
 from surfuse.cameras import simulated as simulated_camera
 from surfuse.cell import Cell, Mount, Truth, world_from_shoulder
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.interfaces import Clock, RangeSensor
-from surfuse.motion.body import body_of, fixture_capsules
-from surfuse.motion.clearance import ClearanceModel
-from surfuse.motion.obstacles import Obstacle
 from surfuse.node.link import BusParameters
 from surfuse.records import CameraModel, Fixture, FloatArray, SensorSpec
 from surfuse.sensors import polaroid, sequential
@@ -61,21 +57,15 @@ def build_cell(settings: Settings) -> Cell:
     ------
     ConfigError, UsageError, DataError : the scene, the arm or a sensor cannot be built as configured.
     """
-    if settings.arm.name != "puma560":
-        raise ConfigError(f"arm.name = '{settings.arm.name}'", cure="the simulated cell has the arm 'puma560'")
     if settings.array.sensor != "polaroid":
         raise ConfigError(
             f"array.sensor = '{settings.array.sensor}'", cure="the simulated cell has the sensor 'polaroid'"
         )
     world, part = build_world(settings)
     clock = SimulatedClock()
-    kinematics = puma560.Puma560(
-        pose(np.eye(3), [0.0, 0.0, settings.arm.base_height_m]),
-        pose(np.eye(3), [0.0, 0.0, settings.arm.grip_offset_m - puma560.FLANGE_OFFSET_M]),
-    )
-    motion = simulated.Parameters(settings.arm.settle_s, settings.arm.speed_share, puma560.ENCODER_RAD_PER_COUNT)
-    arm = simulated.create(kinematics, world, clock, puma560.LIMITS, puma560.READY_RAD, motion)
     fixture = square_fixture(settings)
+    mover = arm_in_cell(settings, fixture, world, clock)
+    arm = mover.arm
     camera_place = camera_mount(settings).shoulder_from_device
     ranger_place = ranger_mount(settings).shoulder_from_device
 
@@ -104,11 +94,11 @@ def build_cell(settings: Settings) -> Cell:
             shoulder_spec(settings), world, partial(on_shoulder, ranger_place), clock, settings.array.pings
         ),
         array=array,
-        ready_rad=puma560.READY_RAD,
+        ready_rad=mover.model.ready_rad,
         shoulder_from_camera=camera_place,
         shoulder_from_ranger=ranger_place,
-        clearance=partial(_clearance, kinematics, fixture, settings),
-        link_poses=kinematics.link_poses,
+        clearance=mover.clearance,
+        link_poses=mover.model.link_poses,
         begin=begin,
         truth=truth,
         warnings=part.warnings,
@@ -254,11 +244,3 @@ def _physics(settings: Settings) -> TwinParameters:
         # Six joints, each at about half the reach on average, share the error at the tool.
         repeatability_rad=1e-3 * settings.arm.repeatability_mm / (0.5 * ARM_REACH_M * np.sqrt(6.0)),
     )
-
-
-def _clearance(
-    kinematics: puma560.Puma560, fixture: Fixture, settings: Settings, obstacles: tuple[Obstacle, ...]
-) -> ClearanceModel:
-    tubes = fixture_capsules(fixture, TOOL_LINK, settings.kit.tube_length_m)
-    stand = column(settings.arm.base_height_m)
-    return ClearanceModel(kinematics.link_poses, body_of([*CAPSULES, *tubes]), (stand, *obstacles))

@@ -1,0 +1,108 @@
+"""The simulated cell's arm, made from the configuration: kinematics, driver, start posture, outer shape."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+
+from surfuse.arms import puma560, simulated
+from surfuse.arms.puma.volume import CAPSULES, TOOL_LINK, column
+from surfuse.errors import ConfigError
+from surfuse.geometry.poses import pose
+from surfuse.interfaces import Arm, Clock, Kinematics, World
+from surfuse.motion.body import Capsule, body_of, fixture_capsules
+from surfuse.motion.clearance import ClearanceModel
+from surfuse.motion.limits import JointLimits
+from surfuse.motion.obstacles import Obstacle
+from surfuse.records import Fixture, FloatArray
+from surfuse.settings import Settings
+
+
+class TwinArm(Arm, Protocol):
+    """An arm of the twin: it also says where its links truly are, for the simulated devices that ride on it."""
+
+    @property
+    def true_joints_rad(self) -> FloatArray: ...
+    def true_tool_pose(self) -> FloatArray:
+        """`world_from_tool` (4, 4) at the true joints."""
+
+
+@dataclass(frozen=True)
+class ArmModel:
+    """What is known of an arm that stands in the cell: of J joints, with link poses (..., L, 4, 4).
+
+    `ready_rad` (J,) is the posture of the search. `capsules` are its own outer shape, `tool_link` the index of the
+    tool among the link poses, `around` the solids that it stands on and that only its outer links could touch.
+    """
+
+    kinematics: Kinematics
+    link_poses: Callable[[FloatArray], FloatArray]
+    limits: JointLimits
+    ready_rad: FloatArray
+    encoder_rad_per_count: tuple[float, ...]
+    capsules: tuple[Capsule, ...]
+    tool_link: int
+    around: tuple[Obstacle, ...]
+
+
+@dataclass(frozen=True)
+class ArmInCell:
+    """The arm with its driver, its model, and the collision check that it makes for a list of obstacles."""
+
+    arm: TwinArm
+    model: ArmModel
+    clearance: Callable[[tuple[Obstacle, ...]], ClearanceModel]
+
+
+def arm_in_cell(settings: Settings, fixture: Fixture, world: World, clock: Clock) -> ArmInCell:
+    """The arm of the configuration with the array on it.
+
+    Raises
+    ------
+    ConfigError : there is no such arm.
+    """
+    model = arm_model(settings)
+    motion = simulated.Parameters(settings.arm.settle_s, settings.arm.speed_share, model.encoder_rad_per_count)
+    arm = simulated.create(model.kinematics, world, clock, model.limits, model.ready_rad, motion)
+    return ArmInCell(arm, model, partial(_clearance, model, fixture, settings.kit.tube_length_m))
+
+
+def arm_model(settings: Settings) -> ArmModel:
+    """The arm of the configuration without driver or tool.
+
+    Raises
+    ------
+    ConfigError : there is no such arm.
+    """
+    if settings.arm.name != "puma560":
+        raise ConfigError(f"arm.name = '{settings.arm.name}'", cure="the simulated cell has the arm 'puma560'")
+    kinematics = puma560_kinematics(settings)
+    return ArmModel(
+        kinematics,
+        kinematics.link_poses,
+        puma560.LIMITS,
+        puma560.READY_RAD,
+        puma560.ENCODER_RAD_PER_COUNT,
+        CAPSULES,
+        TOOL_LINK,
+        (column(settings.arm.base_height_m),),
+    )
+
+
+def puma560_kinematics(settings: Settings) -> puma560.Puma560:
+    """The PUMA 560 on its stand, with the faces of the transducers as tool."""
+    return puma560.Puma560(
+        pose(np.eye(3), [0.0, 0.0, settings.arm.base_height_m]),
+        pose(np.eye(3), [0.0, 0.0, settings.arm.grip_offset_m - puma560.FLANGE_OFFSET_M]),
+    )
+
+
+def _clearance(
+    model: ArmModel, fixture: Fixture, tube_length_m: float, obstacles: tuple[Obstacle, ...]
+) -> ClearanceModel:
+    tubes = fixture_capsules(fixture, model.tool_link, tube_length_m)
+    return ClearanceModel(model.link_poses, body_of([*model.capsules, *tubes]), (*model.around, *obstacles))
