@@ -243,6 +243,7 @@ def test_doctor_finds_all_well_in_the_simulated_cell(command):
 
 def test_doctor_names_what_is_wrong(command):
     answer = command("doctor", "--json", "--set", "scan.standoff_m=2.0", *QUICKEST)
+    assert answer.status == 3
     assert "cell" in answer.json["problems"]
     assert "can be visited" in answer.json["checks"]["cell"]["text"]
 

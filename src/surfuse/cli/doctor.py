@@ -13,8 +13,10 @@ def register(app: typer.Typer) -> None:
 
 
 def doctor(cell: options.Cell = None, assignments: options.Set = None, as_json: options.Json = False) -> int:
-    """Check."""
+    """Check; status 3 when something is wrong, so that a script can ask."""
+    from surfuse.errors import ConfigError
     from surfuse.pipeline import doctor
 
     outcome = doctor.doctor(cell, list(assignments or []))
-    return options.show(outcome.summary, outcome.table, as_json, quiet=False)
+    shown = options.show(outcome.summary, outcome.table, as_json, quiet=False)
+    return ConfigError.exit_status if outcome.summary["problems"] else shown
