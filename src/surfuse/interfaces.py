@@ -155,9 +155,13 @@ class FusionMethod(Protocol):
 
 
 class MapFormat(Protocol):
-    """One file format of maps. Plug-in: `SUFFIXES: tuple[str, ...]`, `write`, and `read` where it can be read back."""
+    """One file format of maps. Plug-in: `SUFFIXES: tuple[str, ...]`, `write`, and `read` where it can be read back.
+
+    `MARKS_PRIOR` says whether it writes the cells that only the prior fills, marked as such; else it leaves them out.
+    """
 
     SUFFIXES: tuple[str, ...]
+    MARKS_PRIOR: bool
 
     def write(self, path: Path, surface: SurfaceMap) -> None: ...
     def read(self, path: Path) -> SurfaceMap: ...

@@ -48,6 +48,7 @@ def test_the_plug_in_says_what_it_is(name):
     assert module.SUFFIXES
     assert all(suffix.startswith(".") and suffix == suffix.lower() for suffix in module.SUFFIXES)
     assert isinstance(module.SUMMARY, str)
+    assert isinstance(module.MARKS_PRIOR, bool)
     assert len(module.SUMMARY) < 90
     assert list(inspect.signature(module.write).parameters)[:3] == ["path", "surface", "overwrite"]
 

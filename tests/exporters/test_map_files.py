@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import struct
 import zlib
@@ -16,7 +17,7 @@ from surfuse.errors import DataError
 from surfuse.exporters import csv, glb, nc, obj, ply, png, stl
 from surfuse.exporters.map_layers.triangles import mesh_of
 from surfuse.geometry.poses import pose, rotation_about
-from surfuse.records import FusedPoints, MapGrid, SurfaceMap
+from surfuse.records import FusedPoints, MapGrid, Regime, SurfaceMap
 
 
 def surface(rows: int = 6, columns: int = 8, holes: tuple[tuple[int, int], ...] = ((2, 3),)) -> SurfaceMap:
@@ -25,6 +26,7 @@ def surface(rows: int = 6, columns: int = 8, holes: tuple[tuple[int, int], ...] 
     for r, c in holes:
         mask[r, c] = False
     height = rng.normal(size=(rows, columns))
+    two = mask & (rng.uniform(size=mask.shape) < 0.3)
     return SurfaceMap(
         grid=MapGrid(
             u_m=0.1 + 0.01 * np.arange(columns),
@@ -36,9 +38,31 @@ def surface(rows: int = 6, columns: int = 8, holes: tuple[tuple[int, int], ...] 
         confidence=np.where(mask, rng.uniform(size=mask.shape), 0.0),
         count=np.where(mask, 4, 0),
         mask=mask,
-        regime=np.where(mask, rng.integers(1, 6, mask.shape), 0),
+        regime=np.where(mask, rng.integers(1, 5, mask.shape), 0),
         method="beam",
+        alternative_height_m=np.where(two, height + 0.1, np.nan),
+        alternative_weight=np.where(two, 0.25, 0.0),
     )
+
+
+def with_prior(at: tuple[int, int] = (4, 5)) -> SurfaceMap:
+    """The same map with one cell that no reading holds."""
+    full = surface()
+    regime = full.regime.copy()
+    regime[at] = Regime.PRIOR
+    return dataclasses.replace(full, regime=regime)
+
+
+LAYERS = (
+    "height_m",
+    "sigma_m",
+    "confidence",
+    "count",
+    "mask",
+    "regime",
+    "alternative_height_m",
+    "alternative_weight",
+)
 
 
 def points(m: int = 5) -> FusedPoints:
@@ -147,7 +171,7 @@ def test_no_flipped_bit_changes_a_native_map_silently(tmp_path):
         except DataError:
             refused += 1
             continue
-        for name in ("height_m", "sigma_m", "confidence", "count", "mask", "regime"):
+        for name in LAYERS:
             assert getattr(back, name).tobytes() == getattr(original, name).tobytes(), (bit, name)
         assert np.array_equal(back.grid.u_m, original.grid.u_m)
         assert back.method == original.method
@@ -194,18 +218,18 @@ def test_ply_and_glb_carry_confidence_and_stderr(tmp_path):
 def test_csv_rows_are_the_measured_nodes(tmp_path):
     csv.write(tmp_path / "m.csv", surface())
     table = np.loadtxt(tmp_path / "m.csv", delimiter=",", skiprows=2)
-    assert table.shape == (47, 7)
+    assert table.shape == (47, 10)
     assert np.array_equal(table[:, 2], surface().height_m[surface().mask])
 
 
 @pytest.mark.parametrize(
     ("line", "text", "words"),
     [
-        (2, "0.1,0.2\n", "not a row of 7"),
-        (2, "0.1,-0.05,x,1,1,1,1\n", ":3"),
-        (2, "0.1005,-0.05,0,1,1,1,1\n", "no node"),
-        (2, "0.1,-0.05,0,1,1,1.5,1\n", "whole numbers"),
-        (2, "0.1,-0.05,nan,1,1,1,1\n", "finite"),
+        (2, "0.1,0.2\n", "not a row of 10"),
+        (2, "0.1,-0.05,x,1,1,1,1,1,nan,0\n", ":3"),
+        (2, "0.1005,-0.05,0,1,1,1,1,1,nan,0\n", "no node"),
+        (2, "0.1,-0.05,0,1,1,1.5,1,1,nan,0\n", "whole numbers"),
+        (2, "0.1,-0.05,nan,1,1,1,1,1,nan,0\n", "finite"),
         (0, '# surfuse map {"version": 1}\n', "first line is damaged"),
         (0, "u,v\n", "not a map exported"),
     ],
@@ -264,3 +288,59 @@ def test_metrology_files_have_the_dialect_that_others_read(tmp_path, name):
     else:
         assert file.revision == library.Revision.ISO5436_2000
         assert np.array_equal(file.layers[0].z, surface().height_m, equal_nan=True)
+
+
+@pytest.mark.parametrize("module", [nc, csv])
+def test_second_surfaces_read_back_to_the_last_bit_and_are_optional(tmp_path, module):
+    first, second = (tmp_path / f"{name}{module.SUFFIXES[0]}" for name in "ab")
+    module.write(first, surface())
+    back = module.read(first)
+    for name in ("alternative_height_m", "alternative_weight"):
+        assert np.array_equal(getattr(back, name), getattr(surface(), name), equal_nan=True)
+    module.write(second, dataclasses.replace(surface(), alternative_height_m=None, alternative_weight=None))
+    back = module.read(second)
+    assert back.alternative_height_m is None
+    assert back.alternative_weight is None
+
+
+def test_second_surfaces_have_cf_attributes(tmp_path):
+    nc.write(tmp_path / "m.nc", surface())
+    with h5netcdf.File(tmp_path / "m.nc") as file:
+        assert file["alternative_height"].attrs["units"] == "m"
+        assert file["alternative_weight"].attrs["units"] == "1"
+        assert file["alternative_height"].attrs["ancillary_variables"] == "alternative_weight"
+
+
+def test_a_map_of_the_first_csv_layout_still_reads(tmp_path):
+    csv.write(tmp_path / "m.csv", dataclasses.replace(surface(), alternative_height_m=None, alternative_weight=None))
+    head, names, *rows = (tmp_path / "m.csv").read_text().splitlines()
+    old = [head, names.removesuffix(",measured"), *(row.rsplit(",", 1)[0] for row in rows)]
+    (tmp_path / "old.csv").write_text("\n".join(old) + "\n")
+    assert np.array_equal(csv.read(tmp_path / "old.csv").height_m, surface().height_m, equal_nan=True)
+
+
+@pytest.mark.parametrize("module", [png, stl, obj])
+def test_formats_that_cannot_mark_the_prior_leave_it_out(tmp_path, module):
+    prior, holed = with_prior(), surface(holes=((2, 3), (4, 5)))
+    assert not module.MARKS_PRIOR
+    module.write(tmp_path / f"a{module.SUFFIXES[0]}", prior)
+    if module is png:
+        grey = cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_UNCHANGED)
+        assert np.array_equal(np.flipud(grey) > 0, holed.mask)
+    else:
+        loaded = trimesh.load_mesh(tmp_path / f"a{module.SUFFIXES[0]}", process=False)
+        assert len(loaded.faces) == len(mesh_of(holed).triangles)
+
+
+def test_formats_with_layers_mark_the_prior(tmp_path):
+    prior = with_prior()
+    ply.write(tmp_path / "m.ply", prior)
+    vertex = trimesh.load_mesh(tmp_path / "m.ply", process=False).metadata["_ply_raw"]["vertex"]["data"]
+    inside = mesh_of(prior, with_prior=True)
+    assert np.count_nonzero(~inside.measured) == 1
+    assert np.array_equal(vertex["measured"].ravel(), inside.measured)
+    assert tuple(vertex[name].ravel()[~inside.measured][0] for name in ("red", "green", "blue")) == ply.PRIOR_RGB
+    csv.write(tmp_path / "m.csv", prior)
+    table = np.loadtxt(tmp_path / "m.csv", delimiter=",", skiprows=2)
+    assert np.array_equal(table[:, 7] == 0, table[:, 6] == Regime.PRIOR)
+    assert np.count_nonzero(table[:, 7] == 0) == 1

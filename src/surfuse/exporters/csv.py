@@ -1,6 +1,7 @@
-"""CSV with one measured node a row: `u_m,v_m,w_m,sigma_m,confidence,count,regime`; reads back exactly.
+"""CSV with one node a row: `u_m,v_m,w_m,sigma_m,confidence,count,regime,measured`; reads back exactly.
 
-The pose of the part frame and the method stand in a comment line at the top.
+`measured` is 0 where only the prior gives the height, else 1. A map with second surfaces has `alternative_w_m` and
+`alternative_weight` too. The pose of the part frame and the method stand in a comment line at the top.
 """
 
 from __future__ import annotations
@@ -13,16 +14,20 @@ import numpy as np
 
 from surfuse.durable import write_text
 from surfuse.errors import DataError, StorageError
-from surfuse.records import FloatArray, MapGrid, SurfaceMap
+from surfuse.records import ByteArray, FloatArray, IntArray, MapGrid, SurfaceMap
 
 SUFFIXES = (".csv",)
-SUMMARY = "CSV: one measured node a row (u, v, w, sigma, confidence, count, regime)"
+SUMMARY = "CSV: one node a row (u, v, w, sigma, confidence, count, regime, measured)"
+MARKS_PRIOR = True
 _COLUMNS = "u_m,v_m,w_m,sigma_m,confidence,count,regime"
+_MEASURED = _COLUMNS + ",measured"
+_SECOND = _MEASURED + ",alternative_w_m,alternative_weight"
+_LAYOUTS = (_COLUMNS, _MEASURED, _SECOND)
 _MARK = "# surfuse map "
 
 
 def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
-    """Write the measured nodes, row by row; numbers in the shortest form that reads back exactly.
+    """Write the nodes with a value, row by row; numbers in the shortest form that reads back exactly.
 
     Raises
     ------
@@ -35,9 +40,11 @@ def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
         "u_m": surface.grid.u_m.tolist(),
         "v_m": surface.grid.v_m.tolist(),
     }
-    lines = [_MARK + json.dumps(head), _COLUMNS]
+    second, weight = surface.alternative_height_m, surface.alternative_weight
+    two = second is not None and weight is not None
+    lines = [_MARK + json.dumps(head), _SECOND if two else _MEASURED]
     r, c = np.nonzero(surface.mask)
-    columns = (
+    columns: list[FloatArray | IntArray | ByteArray] = [
         surface.grid.u_m[c],
         surface.grid.v_m[r],
         surface.height_m[r, c],
@@ -45,7 +52,10 @@ def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
         surface.confidence[r, c],
         surface.count[r, c],
         surface.regime[r, c],
-    )
+        surface.measured[r, c].astype(np.int64),
+    ]
+    if second is not None and weight is not None:
+        columns += [second[r, c], weight[r, c]]
     lines += [",".join(map(repr, row)) for row in zip(*(column.tolist() for column in columns), strict=True)]
     write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)
 
@@ -65,7 +75,7 @@ def read(path: Path) -> SurfaceMap:
         raise DataError("not a text file", where=str(path), cure="give a map exported as .csv") from error
     except OSError as error:
         raise StorageError(f"cannot be read: {error.strerror}", where=str(path)) from error
-    if len(lines) < 2 or not lines[0].startswith(_MARK) or lines[1] != _COLUMNS:
+    if len(lines) < 2 or not lines[0].startswith(_MARK) or lines[1] not in _LAYOUTS:
         cure = "give a map exported as .csv; readings are fused with 'surfuse fuse'"
         raise DataError("not a map exported by surfuse", where=f"{path}:1", cure=cure)
     try:
@@ -76,16 +86,16 @@ def read(path: Path) -> SurfaceMap:
         raise DataError(f"the first line is damaged: {error}", where=f"{path}:1", cure="export again") from error
     if version > 1:
         raise DataError(f"map format {version}, this surfuse reads 1", where=str(path), cure="install a newer surfuse")
-    return _surface(path, lines[2:], grid, method)
+    return _surface(path, lines[2:], grid, method, lines[1].count(",") + 1)
 
 
-def _surface(path: Path, lines: list[str], grid: MapGrid, method: str) -> SurfaceMap:
-    table = np.empty((len(lines), 7))
+def _surface(path: Path, lines: list[str], grid: MapGrid, method: str, width: int) -> SurfaceMap:
+    table = np.empty((len(lines), width))
     for i, line in enumerate(lines):
         try:
             table[i] = [float(cell) for cell in line.split(",")]
         except ValueError as error:
-            raise DataError(f"'{line[:60]}' is not a row of 7 numbers", where=f"{path}:{i + 3}") from error
+            raise DataError(f"'{line[:60]}' is not a row of {width} numbers", where=f"{path}:{i + 3}") from error
     column = _nodes(path, table[:, 0], grid.u_m, "u_m")
     row = _nodes(path, table[:, 1], grid.v_m, "v_m")
     empty = np.full(grid.shape, math.nan)
@@ -98,6 +108,9 @@ def _surface(path: Path, lines: list[str], grid: MapGrid, method: str) -> Surfac
         raise DataError("count and regime must be whole numbers", where=str(path), cure="export again")
     if not np.all(np.isfinite(table[:, 2])):
         raise DataError("a measured node has no finite height", where=str(path), cure="export again")
+    second, weight = empty.copy(), np.zeros(grid.shape)
+    if width == _SECOND.count(",") + 1:
+        second[row, column], weight[row, column] = table[:, 8], table[:, 9]
     return SurfaceMap(
         grid=grid,
         height_m=layers["height_m"],
@@ -107,6 +120,8 @@ def _surface(path: Path, lines: list[str], grid: MapGrid, method: str) -> Surfac
         mask=mask,
         regime=whole[1].astype(np.uint8),
         method=method,
+        alternative_height_m=second if width == _SECOND.count(",") + 1 else None,
+        alternative_weight=weight if width == _SECOND.count(",") + 1 else None,
     )
 
 

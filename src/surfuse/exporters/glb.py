@@ -1,6 +1,6 @@
-"""GLB (binary glTF): the measured cells as a mesh in the part frame, metres.
+"""GLB (binary glTF): the map as a mesh in the part frame, metres.
 
-The vertices carry `_confidence` and `_stderr`.
+The vertices carry `_confidence`, `_stderr` and `_measured` (0: only the prior gives the height).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from surfuse.records import SurfaceMap
 
 SUFFIXES = (".glb",)
 SUMMARY = "GLB: for web viewers and 3-D programs; layers as vertex attributes"
+MARKS_PRIOR = True
 
 
 def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
@@ -22,4 +23,4 @@ def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
     DataError : there is no cell to write.
     StorageError : the file exists and `overwrite` is false, or the disk refused.
     """
-    write_mesh(path, surface, "glb", overwrite)
+    write_mesh(path, surface, "glb", overwrite, with_prior=True)

@@ -11,6 +11,7 @@ from surfuse.records import FusedPoints, SurfaceMap
 
 SUFFIXES = (".nc", ".nc4")
 SUMMARY = "NetCDF4, CF-1.11: all layers to the last bit (native)"
+MARKS_PRIOR = True
 
 
 def write(path: Path, surface: SurfaceMap, overwrite: bool = False, points: FusedPoints | None = None) -> None:

@@ -1,4 +1,7 @@
-"""Wavefront OBJ: the measured cells as a mesh in the part frame, in metres; geometry only."""
+"""Wavefront OBJ: the measured cells as a mesh in the part frame, in metres; geometry only.
+
+Cells that only the prior fills are left out: the format cannot mark them.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from surfuse.records import SurfaceMap
 
 SUFFIXES = (".obj",)
 SUMMARY = "OBJ: for 3-D programs; geometry only"
+MARKS_PRIOR = False
 
 
 def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:

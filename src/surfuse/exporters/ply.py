@@ -1,4 +1,6 @@
-"""Binary PLY: the measured cells as a mesh in the part frame, metres; `confidence` and `stderr` at the vertices.
+"""Binary PLY: the map as a mesh in the part frame, metres; `confidence`, `stderr` and `measured` at the vertices.
+
+Vertices that only the prior gives a height have `measured` 0 and are grey, the others are blue.
 
 Written here and not by trimesh, which keeps positions as float32; PLY has doubles.
 """
@@ -13,8 +15,10 @@ from surfuse.durable import write_bytes
 from surfuse.exporters.map_layers.triangles import mesh_of
 from surfuse.records import SurfaceMap
 
+MEASURED_RGB, PRIOR_RGB = (86, 180, 233), (150, 150, 150)
 SUFFIXES = (".ply",)
-SUMMARY = "PLY (binary): mesh with confidence and stderr at the vertices"
+SUMMARY = "PLY (binary): mesh with confidence, stderr and measured at the vertices"
+MARKS_PRIOR = True
 
 
 def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
@@ -25,19 +29,28 @@ def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
     DataError : there is no cell to write.
     StorageError : the file exists and `overwrite` is false, or the disk refused.
     """
-    mesh = mesh_of(surface)
+    mesh = mesh_of(surface, with_prior=True)
     vertex = np.empty(
         len(mesh.vertices_m),
-        dtype=[("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("confidence", "<f4"), ("stderr", "<f4")],
+        dtype=[
+            *((name, "<f8") for name in "xyz"),
+            ("confidence", "<f4"),
+            ("stderr", "<f4"),
+            *((name, "u1") for name in ("measured", "red", "green", "blue")),
+        ],
     )
     vertex["x"], vertex["y"], vertex["z"] = mesh.vertices_m.T
     vertex["confidence"], vertex["stderr"] = mesh.confidence, mesh.sigma_m
+    colour = np.where(mesh.measured[:, None], MEASURED_RGB, PRIOR_RGB)
+    vertex["measured"] = mesh.measured
+    vertex["red"], vertex["green"], vertex["blue"] = colour.T
     face = np.empty(len(mesh.triangles), dtype=[("n", "u1"), ("corner", "<i4", 3)])
     face["n"], face["corner"] = 3, mesh.triangles
     header = (
         "ply\nformat binary_little_endian 1.0\ncomment surfuse map, part frame, metres\n"
         f"element vertex {len(vertex)}\nproperty double x\nproperty double y\nproperty double z\n"
-        "property float confidence\nproperty float stderr\n"
+        "property float confidence\nproperty float stderr\nproperty uchar measured\n"
+        "property uchar red\nproperty uchar green\nproperty uchar blue\n"
         f"element face {len(face)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
     write_bytes(path, header.encode("ascii") + vertex.tobytes() + face.tobytes(), overwrite=overwrite)

@@ -1,4 +1,4 @@
-"""PNG with 16-bit heights: a picture that programs and people can look at; 0 is a cell without a value.
+"""PNG with 16-bit heights: a picture that programs and people can look at; 0 is a cell that was not measured.
 
 The scale stands in the text chunk `surfuse` (JSON): `w_m = w_min_m + (grey - 1) * w_step_m`, steps and origin of the
 grid in metres. The first line of the picture is the highest v, so that up is up. PNG: ISO/IEC 15948.
@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from surfuse.durable import write_bytes
-from surfuse.errors import DataError
-from surfuse.exporters.map_layers.heights import equal_step
+from surfuse.exporters.map_layers.heights import equal_step, heights_or_nan
 from surfuse.records import SurfaceMap
 
 SUFFIXES = (".png",)
 SUMMARY = "PNG: 16-bit heights with the scale in a text chunk"
+MARKS_PRIOR = False
 _LEVELS = 65534
 
 
@@ -28,17 +28,16 @@ def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
 
     Raises
     ------
-    DataError : the steps of the map are not equal, or no cell has a value.
+    DataError : the steps of the map are not equal, or no cell was measured.
     StorageError : the file exists and `overwrite` is false, or the disk refused.
     """
-    if not surface.mask.any():
-        raise DataError("the map has no measured cell", cure="nothing can be exported from an empty map")
+    heights, kept = heights_or_nan(surface), surface.measured
     du, dv = equal_step(surface.grid.u_m, "u"), equal_step(surface.grid.v_m, "v")
-    measured = surface.height_m[surface.mask]
+    measured = heights[kept]
     low = float(measured.min())
     step = (float(measured.max()) - low) / _LEVELS or 1e-9
-    grey = np.zeros(surface.mask.shape, dtype=">u2")
-    grey[surface.mask] = np.round((measured - low) / step) + 1
+    grey = np.zeros(kept.shape, dtype=">u2")
+    grey[kept] = np.round((measured - low) / step) + 1
     scale = {
         "w_min_m": low,
         "w_step_m": step,

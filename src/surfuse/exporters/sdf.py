@@ -14,18 +14,17 @@ from surfuse.records import SurfaceMap
 
 SUFFIXES = (".sdf",)
 SUMMARY = "SDF (ISO 25178-71, ISO-1.0): heights for surface metrology programs"
+MARKS_PRIOR = False
 
 
 def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
-    """Write the heights; cells without a value are marked as not measured.
+    """Write the heights; cells that no reading holds are marked as not measured.
 
     Raises
     ------
     DataError : the steps of the map are not equal, or no cell has a value.
     StorageError : the file exists and `overwrite` is false, or the disk refused.
     """
-    if not surface.mask.any():
-        raise DataError("the map has no measured cell", cure="nothing can be exported from an empty map")
     du, dv = equal_step(surface.grid.u_m, "u"), equal_step(surface.grid.v_m, "v")
     head = sdfio.Metadata(
         revision=sdfio.Revision.ISO_1_0,

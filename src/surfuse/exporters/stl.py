@@ -1,4 +1,7 @@
-"""Binary STL: the measured cells as triangles in the part frame, in metres; geometry only."""
+"""Binary STL: the measured cells as triangles in the part frame, in metres; geometry only.
+
+Cells that only the prior fills are left out: the format cannot mark them.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from surfuse.records import SurfaceMap
 
 SUFFIXES = (".stl",)
 SUMMARY = "STL (binary): for CAD; geometry only"
+MARKS_PRIOR = False
 
 
 def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:

@@ -17,19 +17,18 @@ from surfuse.records import SurfaceMap
 
 SUFFIXES = (".x3p",)
 SUMMARY = "X3P (ISO 5436-2): heights for surface metrology programs"
+MARKS_PRIOR = False
 _MAX_BYTES = 1 << 30
 
 
 def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
-    """Write the heights as float64; cells without a value are marked as not measured.
+    """Write the heights as float64; cells that no reading holds are marked as not measured.
 
     Raises
     ------
     DataError : the steps of the map are not equal, or no cell has a value.
     StorageError : the file exists and `overwrite` is false, or the disk refused.
     """
-    if not surface.mask.any():
-        raise DataError("the map has no measured cell", cure="nothing can be exported from an empty map")
     du, dv = equal_step(surface.grid.u_m, "u"), equal_step(surface.grid.v_m, "v")
     today = datetime.now(UTC).replace(hour=0, minute=0, second=0, microsecond=0)
     buffer = io.BytesIO()

@@ -13,5 +13,9 @@ def export(surface_path: Path, file: Path, overwrite: bool) -> Outcome:
     chosen = format_of(file)
     surface = read_map(surface_path)
     chosen.write(file, surface, overwrite=overwrite)
-    size = file.stat().st_size
-    return Outcome({"file": str(file), "bytes": size}, [("written", f"{file} ({size} bytes): {chosen.SUMMARY}")])
+    size, prior = file.stat().st_size, int((surface.mask & ~surface.measured).sum())
+    rows = [("written", f"{file} ({size} bytes): {chosen.SUMMARY}")]
+    if prior:
+        what = "marked" if chosen.MARKS_PRIOR else "left out, the format cannot mark them"
+        rows.append(("prior only", f"{prior} cells that no reading holds are {what}"))
+    return Outcome({"file": str(file), "bytes": size, "prior_cells": prior}, rows)

@@ -60,6 +60,7 @@ def surface_of(result: FusionResult, grid: MapGrid, method: str, outline: Outlin
 def masked(surface: SurfaceMap, keep: BoolArray) -> SurfaceMap:
     """A map without the values outside of `keep` (R, C)."""
     mask = surface.mask & keep
+    second, weight = surface.alternative_height_m, surface.alternative_weight
     return replace(
         surface,
         height_m=np.where(mask, surface.height_m, np.nan),
@@ -68,6 +69,8 @@ def masked(surface: SurfaceMap, keep: BoolArray) -> SurfaceMap:
         count=np.where(mask, surface.count, 0),
         mask=mask,
         regime=np.where(mask, surface.regime, int(Regime.EMPTY)).astype(np.uint8),
+        alternative_height_m=None if second is None else np.where(mask, second, np.nan),
+        alternative_weight=None if weight is None else np.where(mask, weight, 0.0),
     )
 
 

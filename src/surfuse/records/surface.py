@@ -8,6 +8,7 @@ import numpy as np
 
 from surfuse.errors import DataError
 from surfuse.records.checks import BoolArray, ByteArray, FloatArray, IntArray, own, own_pose
+from surfuse.records.codes import Regime
 from surfuse.records.fused import FusedPoints
 
 
@@ -38,7 +39,7 @@ class SurfaceMap:
 
     `mask` marks the cells that have a value; elsewhere height and sigma are nan. `count` says how many readings a
     cell rests on, `regime` (see `Regime`) what kind of evidence. Where two surfaces compete (beside a step), a method
-    may give the second one: its height (nan: none) and its probability (0: none).
+    may give the second one: its height (nan: none) and its probability (0: none); both or neither.
     """
 
     grid: MapGrid
@@ -62,6 +63,11 @@ class SurfaceMap:
         own(self, np.uint8, regime=shape)
         if not np.all(np.isfinite(self.height_m[self.mask])):
             raise DataError("a map has cells marked as measured without a finite height")
+
+    @property
+    def measured(self) -> BoolArray:
+        """Cells (R, C) whose value rests on readings: those with a value, but without what only the prior says."""
+        return np.asarray(self.mask & (self.regime != int(Regime.PRIOR)), dtype=np.bool_)
 
 
 @dataclass(frozen=True)

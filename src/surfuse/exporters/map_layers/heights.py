@@ -31,8 +31,15 @@ def equal_step(nodes_m: FloatArray, name: str) -> float:
 
 
 def heights_or_nan(surface: SurfaceMap) -> FloatArray:
-    """Heights (R, C) with nan in every cell that was not measured."""
-    return np.where(surface.mask, surface.height_m, np.nan)
+    """Heights (R, C) with nan in every cell that was not measured, those that only the prior fills included.
+
+    Raises
+    ------
+    DataError : no cell was measured.
+    """
+    if not surface.measured.any():
+        raise DataError("the map has no measured cell", cure="nothing can be exported from an empty map")
+    return np.where(surface.measured, surface.height_m, np.nan)
 
 
 def map_of_heights(heights_m: FloatArray, du_m: float, dv_m: float, kind: str) -> SurfaceMap:

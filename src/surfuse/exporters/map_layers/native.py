@@ -61,6 +61,11 @@ def layer_arrays(surface: SurfaceMap) -> tuple[_Array, ...]:
     )
 
 
+def alternative_arrays(height_m: _Array, weight: _Array) -> tuple[_Array, ...]:
+    """All that the checksum of the second surface covers; its own, so that readers of earlier versions keep theirs."""
+    return height_m, weight
+
+
 def point_arrays(points: FusedPoints) -> tuple[_Array, ...]:
     """All that the checksum of the fused points covers, in this order."""
     return tuple(getattr(points, name) for name in (*POINT_COLUMNS, *READING_COLUMNS, "point_m", "start"))
@@ -84,6 +89,7 @@ def write_native(path: Path, surface: SurfaceMap, points: FusedPoints | None) ->
         )
         _write_axes(file, surface.grid)
         _write_layers(file, surface)
+        _write_alternative(file, surface)
         if points is not None:
             _write_points(file.create_group("points"), points)
 
@@ -117,10 +123,24 @@ def _write_layers(file: h5netcdf.File, surface: SurfaceMap) -> None:
     _variable(file, "confidence", dims, surface.confidence, "degree of confidence of the cell, 0 to 1", "1")
     _variable(file, "count", dims, surface.count, "number of readings that the cell rests on", "1")
     mask = _variable(file, "mask", dims, surface.mask.astype(np.int8), "whether the cell has a value", "")
-    mask.attrs.update({"flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "empty measured"})
+    mask.attrs.update({"flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "no_value has_value"})
     regime = _variable(file, "regime", dims, surface.regime, "what the value of the cell rests on", "")
     regime.attrs["flag_values"] = np.array([int(r) for r in Regime], dtype=np.uint8)
     regime.attrs["flag_meanings"] = " ".join(r.name.lower() for r in Regime)
+    regime.attrs["comment"] = "cells of the kind 'prior' continue their surroundings: no reading holds them"
+
+
+def _write_alternative(file: h5netcdf.File, surface: SurfaceMap) -> None:
+    """The second surface of cells where two compete, when the method knows of it."""
+    height, weight, dims = surface.alternative_height_m, surface.alternative_weight, ("v", "u")
+    if height is None or weight is None:
+        return
+    second = _variable(file, "alternative_height", dims, height, "second surface (w) where two compete", "m")
+    second.attrs["ancillary_variables"] = "alternative_weight"
+    text = "probability that the cell belongs to the second surface, 0 where there is none"
+    share = _variable(file, "alternative_weight", dims, weight, text, "1")
+    share.attrs["valid_range"] = np.array([0.0, 1.0])
+    file.attrs["alternative_crc32"] = np.uint32(checksum_of(*alternative_arrays(height, weight)))
 
 
 def _write_points(group: h5netcdf.Group, points: FusedPoints) -> None:

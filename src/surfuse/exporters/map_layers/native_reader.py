@@ -16,11 +16,12 @@ from surfuse.exporters.map_layers.native import (
     FORMAT_VERSION,
     POINT_COLUMNS,
     READING_COLUMNS,
+    alternative_arrays,
     checksum_of,
     layer_arrays,
     point_arrays,
 )
-from surfuse.records import FusedPoints, MapGrid, SurfaceMap
+from surfuse.records import FloatArray, FusedPoints, MapGrid, SurfaceMap
 
 _MAX_VALUES = 100_000_000
 _DAMAGE = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, IndexError, MemoryError)
@@ -77,8 +78,18 @@ def _values(group: h5py.Group, name: str) -> npt.NDArray[np.generic]:
     return values
 
 
-def _verify(group: h5py.Group, computed: int) -> None:
-    if _whole_attribute(group, "content_crc32") != computed:
+def _alternative(file: h5py.File) -> tuple[FloatArray | None, FloatArray | None]:
+    """Height and probability of the second surface, or neither."""
+    if "alternative_crc32" not in file.attrs and "alternative_height" not in file:
+        return None, None
+    height = _values(file, "alternative_height").astype(np.float64)
+    weight = _values(file, "alternative_weight").astype(np.float64)
+    _verify(file, checksum_of(*alternative_arrays(height, weight)), "alternative_crc32")
+    return height, weight
+
+
+def _verify(group: h5py.Group, computed: int, attribute: str = "content_crc32") -> None:
+    if _whole_attribute(group, attribute) != computed:
         raise DataError("the map fails its checksum: it is damaged", cure="write the map again")
 
 
@@ -90,6 +101,7 @@ def read_native(path: Path) -> SurfaceMap:
     DataError : not there, not NetCDF4, not ours, newer, damaged, or too big.
     """
     with _opened(path) as file:
+        second, weight = _alternative(file)
         surface = SurfaceMap(
             grid=MapGrid(
                 u_m=_values(file, "u").astype(np.float64),
@@ -103,6 +115,8 @@ def read_native(path: Path) -> SurfaceMap:
             mask=_values(file, "mask").astype(np.int64) != 0,
             regime=_values(file, "regime").astype(np.uint8),
             method=str(file.attrs["method"]),
+            alternative_height_m=second,
+            alternative_weight=weight,
         )
         _verify(file, checksum_of(*layer_arrays(surface)))
         return surface

@@ -1,4 +1,4 @@
-"""A map as a triangle mesh: two triangles for every square of four measured nodes, in the part frame.
+"""A map as a triangle mesh: two triangles for every square of four nodes with a value, in the part frame.
 
 Normals point out of the part (+w). Nodes that belong to no such square are left out of the mesh.
 """
@@ -10,27 +10,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.errors import DataError
-from surfuse.records import FloatArray, IntArray, SurfaceMap
+from surfuse.records import BoolArray, FloatArray, IntArray, SurfaceMap
 
 
 @dataclass(frozen=True)
 class MapMesh:
-    """Vertices (N, 3) m in the part frame, triangles (T, 3), and the layers at the vertices (N,)."""
+    """Vertices (N, 3) m in the part frame, triangles (T, 3), and the layers at the vertices (N,).
+
+    `measured` (N,) is false where only the prior gives the vertex its height.
+    """
 
     vertices_m: FloatArray
     triangles: IntArray
     confidence: FloatArray
     sigma_m: FloatArray
+    measured: BoolArray
 
 
-def mesh_of(surface: SurfaceMap) -> MapMesh:
-    """Triangulate the measured cells of a map.
+def mesh_of(surface: SurfaceMap, with_prior: bool = False) -> MapMesh:
+    """Triangulate the measured cells of a map; with those that only the prior fills, for formats that can mark them.
 
     Raises
     ------
     DataError : no four measured nodes form a square, so there is no triangle to write.
     """
-    full = surface.mask
+    full = surface.mask if with_prior else surface.measured
     square = full[:-1, :-1] & full[:-1, 1:] & full[1:, :-1] & full[1:, 1:]
     r, c = np.nonzero(square)
     if len(r) == 0:
@@ -50,4 +54,5 @@ def mesh_of(surface: SurfaceMap) -> MapMesh:
         triangles=triangles.reshape(-1, 3),
         confidence=surface.confidence.ravel()[used],
         sigma_m=surface.sigma_m.ravel()[used],
+        measured=surface.measured.ravel()[used],
     )
