@@ -45,7 +45,6 @@ def twin_arm() -> ServoTwinArm:
 
 
 def test_the_links_are_where_the_plant_and_the_error_between_put_them() -> None:
-    pytest.importorskip("ruckig")
     with twin_arm() as arm:
         state = arm.move_to(TARGET)
         assert_allclose(state.position_rad, TARGET, atol=3e-4)
@@ -54,7 +53,6 @@ def test_the_links_are_where_the_plant_and_the_error_between_put_them() -> None:
 
 
 def test_a_stop_depends_on_itself_and_the_one_before_alone() -> None:
-    pytest.importorskip("ruckig")
     ends = []
     for detour in (False, True):
         with twin_arm() as arm:
@@ -69,7 +67,6 @@ def test_a_stop_depends_on_itself_and_the_one_before_alone() -> None:
 
 
 def test_all_planners_end_where_they_should() -> None:
-    pytest.importorskip("ruckig")
     for planner in (
         trapezoidal(LIMITS),
         jerk_limited(LIMITS, np.full(6, 5.0)),
@@ -87,7 +84,6 @@ def test_laws_have_names() -> None:
 
 
 def test_the_study_shows_what_the_cards_were_bought_for(tmp_path: Path) -> None:
-    pytest.importorskip("ruckig")
     pytest.importorskip("toppra")
     outcome = servo_study(load(), tmp_path / "study", 4, SilentWatcher())
     ratios = outcome.summary["ratios"]

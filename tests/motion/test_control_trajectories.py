@@ -12,6 +12,9 @@ from surfuse.errors import ConfigError, DataError, SafetyStopError
 from surfuse.geometry.poses import pose
 from surfuse.motion.control.law import every_tick
 from surfuse.motion.control.set_points_28ms import SetPoints28ms
+from surfuse.motion.jerk_limited import JerkLimitedMove
+from surfuse.motion.limits import JointLimits
+from surfuse.motion.planners import torque_limited
 from surfuse.motion.torque_limits import within_torque
 from surfuse.motion.trajectory import Trajectory
 from surfuse.motion.trapezoid import TrapezoidalMove, durations_s
@@ -42,9 +45,6 @@ def consistent(motion: Trajectory) -> None:
 
 @pytest.mark.parametrize("change", MOVES)
 def test_a_jerk_limited_move_keeps_its_limits_and_ends_at_rest(change: FloatArray) -> None:
-    pytest.importorskip("ruckig")
-    from surfuse.motion.jerk_limited import JerkLimitedMove
-
     move = JerkLimitedMove(READY_RAD, READY_RAD + change, LIMITS, JERK_RAD_S3)
     t, q, qd, qdd = samples(move)
     consistent(move)
@@ -57,10 +57,25 @@ def test_a_jerk_limited_move_keeps_its_limits_and_ends_at_rest(change: FloatArra
     assert move.duration_s > float(durations_s(READY_RAD, READY_RAD + change, LIMITS))
 
 
-def test_large_jerk_gives_the_trapezoid() -> None:
-    pytest.importorskip("ruckig")
-    from surfuse.motion.jerk_limited import JerkLimitedMove
+@pytest.mark.parametrize(
+    ("speed", "acceleration", "jerk"),
+    [(1.0, 1.0, 1.0), (0.2, 5.0, 50.0), (30.0, 5.0, 50.0), (30.0, 500.0, 50.0), (0.1, 9.0, 1.0), (2.0, 2.0, 1e6)],
+)
+def test_the_time_law_is_that_of_ruckig(speed: float, acceleration: float, jerk: float) -> None:
+    ruckig = pytest.importorskip("ruckig")
+    asked, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
+    asked.current_position, asked.target_position = [0.0], [1.0]
+    asked.max_velocity, asked.max_acceleration, asked.max_jerk = [speed], [acceleration], [jerk]
+    assert ruckig.Ruckig(1).calculate(asked, found) in (ruckig.Result.Working, ruckig.Result.Finished)
+    one = np.ones(1)
+    move = JerkLimitedMove(0.0 * one, one, JointLimits(-one, one, speed * one, acceleration * one), jerk * one)
+    assert move.duration_s == pytest.approx(found.duration, rel=1e-9)
+    times = np.linspace(0.0, found.duration, 50)[:-1]
+    own = np.hstack(move.sample(times))
+    assert_allclose(own, [np.ravel(found.at_time(t)) for t in times.tolist()], rtol=1e-6, atol=1e-8)
 
+
+def test_large_jerk_gives_the_trapezoid() -> None:
     move = JerkLimitedMove(READY_RAD, READY_RAD + MOVES[0], LIMITS, 1e5 * JERK_RAD_S3)
     assert move.duration_s == pytest.approx(
         TrapezoidalMove(READY_RAD, READY_RAD + MOVES[0], LIMITS).duration_s, rel=1e-3
@@ -68,9 +83,6 @@ def test_large_jerk_gives_the_trapezoid() -> None:
 
 
 def test_a_move_to_where_the_arm_is_takes_no_time() -> None:
-    pytest.importorskip("ruckig")
-    from surfuse.motion.jerk_limited import JerkLimitedMove
-
     move = JerkLimitedMove(READY_RAD, READY_RAD, LIMITS, JERK_RAD_S3)
     assert move.duration_s == 0.0
     assert len(every_tick(move, 1e-3)) == 0
@@ -78,8 +90,6 @@ def test_a_move_to_where_the_arm_is_takes_no_time() -> None:
 
 
 def test_hostile_jerk_limits_and_set_points_are_refused() -> None:
-    from surfuse.motion.jerk_limited import JerkLimitedMove
-
     with pytest.raises(ConfigError, match="jerk limits"):
         JerkLimitedMove(READY_RAD, READY_RAD, LIMITS, np.zeros(6))
     with pytest.raises(DataError, match="end_rad"):
@@ -93,6 +103,13 @@ def test_the_torque_limit_is_reached_and_kept(change: FloatArray) -> None:
     share = np.abs(MODEL.inverse_dynamics(*samples(move)[1:])) / MODEL.torque_max_nm
     assert 0.5 < share.max() <= 0.6 + 1e-6
     assert move.duration_s < float(durations_s(READY_RAD, READY_RAD + change, LIMITS))
+
+
+def test_half_of_the_speed_takes_twice_as_long_or_a_little_less() -> None:
+    whole = torque_limited(MODEL, LIMITS)(READY_RAD, READY_RAD + MOVES[3])
+    half = torque_limited(MODEL, LIMITS, speed_share=0.5)(READY_RAD, READY_RAD + MOVES[3])
+    assert 1.7 * whole.duration_s < half.duration_s <= 2.0 * whole.duration_s
+    assert np.abs(samples(half)[2]).max() == pytest.approx(0.5 * np.abs(samples(whole)[2]).max(), rel=1e-6)
 
 
 def test_a_posture_that_cannot_be_held_is_refused_with_joint_value_and_limit() -> None:

@@ -1,4 +1,4 @@
-"""Joint moves with limited jerk, all joints in step (Berscheid and Kroeger, Robotics: Science and Systems 2021)."""
+"""Joint moves with limited jerk, all joints in step."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _STILL_RAD = 1e-9  # changes below this are rounding, not motion
 class JerkLimitedMove:
     """One move between two joint positions (J,), straight in joint space, within speed, acceleration and jerk limits.
 
-    `jerk_rad_s3` (J,). The joints share one time law along the straight line, as in `TrapezoidalMove`: ruckig computes
-    it for one coordinate that runs from 0 to 1.
+    `jerk_rad_s3` (J,). The joints share one time law along the straight line, as in `TrapezoidalMove`: that of one
+    coordinate that runs from 0 to 1.
     """
 
     start_rad: FloatArray
@@ -92,16 +92,24 @@ def _states(times: FloatArray, jerk: FloatArray) -> FloatArray:
 
 
 def _one_coordinate(speed: float, acceleration: float, jerk: float) -> tuple[FloatArray, FloatArray]:
-    """The fastest rest-to-rest motion from 0 to 1: break times and jerks, by ruckig."""
-    from ruckig import InputParameter, Result, Ruckig, Trajectory  # type: ignore[import-not-found,import-untyped,unused-ignore]
+    """The fastest rest-to-rest motion from 0 to 1: break times and jerks.
 
-    asked, found = InputParameter(1), Trajectory(1)
-    asked.current_position, asked.target_position = [0.0], [1.0]
-    asked.max_velocity, asked.max_acceleration, asked.max_jerk = [speed], [acceleration], [jerk]
-    result = Ruckig(1).calculate(asked, found)
-    if result not in (Result.Working, Result.Finished):
-        raise DataError(f"no jerk-limited motion was found ({result}) for limits {speed:g}, {acceleration:g}, {jerk:g}")
-    profile = found.profiles[0][0]
-    phases = np.array(profile.t)
+    Seven phases in closed form (Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008,
+    section 3.4); phases that a short motion has no room for have no length.
+    """
+    if speed * jerk >= acceleration**2:
+        bend, rise = acceleration / jerk, acceleration / jerk + speed / acceleration
+    else:
+        bend = np.sqrt(speed / jerk)
+        rise = 2.0 * bend
+    cruise = 1.0 / speed - rise
+    if cruise < 0.0:
+        cruise, bend = 0.0, acceleration / jerk
+        rise = 0.5 * bend + np.sqrt(0.25 * bend**2 + 1.0 / acceleration)
+        if rise < 2.0 * bend:
+            bend = np.cbrt(0.5 / jerk)
+            rise = 2.0 * bend
+    phases = np.array([bend, rise - 2.0 * bend, bend, cruise, bend, rise - 2.0 * bend, bend])
+    pushes = jerk * np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])
     kept = phases > 0.0
-    return np.concatenate([[0.0], np.cumsum(phases[kept])]), np.array(profile.j)[kept]
+    return np.concatenate([[0.0], np.cumsum(phases[kept])]), pushes[kept]

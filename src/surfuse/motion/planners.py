@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from surfuse.motion.jerk_limited import JerkLimitedMove
 from surfuse.motion.limits import JointLimits
@@ -25,7 +26,7 @@ def trapezoidal(limits: JointLimits) -> Planner:
 
 
 def jerk_limited(limits: JointLimits, jerk_rad_s3: FloatArray) -> Planner:
-    """Limited jerk (J,), too; needs the package ruckig."""
+    """Limited jerk (J,), too."""
 
     def plan(start_rad: FloatArray, end_rad: FloatArray) -> Trajectory:
         return JerkLimitedMove(start_rad, end_rad, limits, jerk_rad_s3)
@@ -33,13 +34,29 @@ def jerk_limited(limits: JointLimits, jerk_rad_s3: FloatArray) -> Planner:
     return plan
 
 
+def slowed(limits: JointLimits, speed_share: float) -> JointLimits:
+    """The limits with a share in (0, 1] of their speeds and accelerations."""
+    return replace(
+        limits,
+        velocity_rad_s=speed_share * limits.velocity_rad_s,
+        acceleration_rad_s2=speed_share * limits.acceleration_rad_s2,
+    )
+
+
 def torque_limited(
-    dynamics: ArmDynamics, limits: JointLimits, torque_share: float = 0.75, ramp_s: float = 0.03
+    dynamics: ArmDynamics,
+    limits: JointLimits,
+    torque_share: float = 0.75,
+    ramp_s: float = 0.03,
+    speed_share: float = 1.0,
 ) -> Planner:
-    """As fast as the motors' torque allows, acceleration built up over `ramp_s`; needs the package ruckig."""
+    """As fast as `torque_share` of the motors' torque allows, acceleration built up over `ramp_s`.
+
+    `speed_share` in (0, 1] is the share of the speed limits, and of the accelerations that the torque allows.
+    """
 
     def plan(start_rad: FloatArray, end_rad: FloatArray) -> Trajectory:
-        able = within_torque(dynamics, start_rad, end_rad, limits, torque_share)
+        able = slowed(within_torque(dynamics, start_rad, end_rad, limits, torque_share), speed_share)
         return JerkLimitedMove(start_rad, end_rad, able, able.acceleration_rad_s2 / ramp_s)
 
     return plan
