@@ -40,6 +40,18 @@ class Device(Protocol):
     ) -> None: ...
 
 
+class AlwaysOpen:
+    """Base of devices without a connection: nothing to open, nothing to close."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        return None
+
+
 class Clock(Protocol):
     """Time that only goes forward; simulated devices advance a simulated one."""
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
-from surfuse.interfaces import Clock
+from surfuse.interfaces import AlwaysOpen, Clock
 from surfuse.node.averaging import average_pings
 from surfuse.records import Echo, Fixture, FloatArray
 from surfuse.sensors.polaroid import averaging_of, within_limits
 from surfuse.world.twin import Twin
 
 
-class SimultaneousArray:
+class SimultaneousArray(AlwaysOpen):
     """A fixture whose sensors fire together: a sweep takes as long as its slowest sensor.
 
     Parameters
@@ -32,14 +30,6 @@ class SimultaneousArray:
     ) -> None:
         self._fixture, self._world, self._world_from_grip = fixture, world, world_from_grip
         self._clock, self._pings = clock, pings
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        return None
 
     @property
     def fixture(self) -> Fixture:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
 from surfuse.errors import DataError, DeviceError
-from surfuse.interfaces import Kinematics
+from surfuse.interfaces import AlwaysOpen, Kinematics
 from surfuse.records import FloatArray, JointState
 
 
-class RecordedArm:
+class RecordedArm(AlwaysOpen):
     """See `create`."""
 
     def __init__(self, kinematics: Kinematics, states: Sequence[JointState], tolerance_rad: float) -> None:
@@ -27,14 +25,6 @@ class RecordedArm:
         self._states = tuple(states)
         self._tolerance_rad = tolerance_rad
         self._at = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        return None
 
     @property
     def kinematics(self) -> Kinematics:

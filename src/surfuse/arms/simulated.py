@@ -10,13 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
 from surfuse.errors import ConfigError
-from surfuse.interfaces import Clock, Kinematics, World
+from surfuse.interfaces import AlwaysOpen, Clock, Kinematics, World
 from surfuse.motion.limits import JointLimits, check_position
 from surfuse.motion.trapezoid import durations_s
 from surfuse.records import FloatArray, JointState
@@ -47,7 +45,7 @@ class Parameters:
             )
 
 
-class SimulatedArm:
+class SimulatedArm(AlwaysOpen):
     """See `create`."""
 
     def __init__(
@@ -74,14 +72,6 @@ class SimulatedArm:
         self._target_rad = np.array(start_rad, dtype=np.float64)
         self._true_rad = self._target_rad
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        return None
-
     @property
     def kinematics(self) -> Kinematics:
         """Kinematics with the grip as tool."""
@@ -95,6 +85,9 @@ class SimulatedArm:
     def true_tool_pose(self) -> FloatArray:
         """`world_from_tool` (4, 4) at the true joints: for simulated devices that ride on the arm."""
         return self._kinematics.forward(self._true_rad)
+
+    def begin_stop(self) -> None:
+        """Nothing to forget: a move of this arm has no history."""
 
     def joint_state(self) -> JointState:
         """What the encoders show, in whole counts."""

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 
-from surfuse.interfaces import Clock, World
+from surfuse.interfaces import AlwaysOpen, Clock, World
 from surfuse.records import ByteArray, CameraModel, FloatArray
 
 EXPOSURE_S = 0.04
 
 
-class SimulatedCamera:
+class SimulatedCamera(AlwaysOpen):
     """A camera without hardware; a picture takes one field's time."""
 
     def __init__(self, world: World, model: CameraModel, pose: Callable[[], FloatArray], clock: Clock) -> None:
@@ -22,14 +20,6 @@ class SimulatedCamera:
     def model(self) -> CameraModel:
         """Geometry of the pictures."""
         return self._model
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        return None
 
     def capture(self) -> tuple[ByteArray, float]:
         """The picture (H, W) uint8 and the moment at which the exposure ended."""

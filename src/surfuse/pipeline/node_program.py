@@ -11,12 +11,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType, TracebackType
-from typing import Self
+from types import FrameType
 
 from surfuse import registry
 from surfuse.errors import ConfigError, DeviceError, nearest
-from surfuse.interfaces import Clock, RangeSensor
+from surfuse.interfaces import AlwaysOpen, Clock, RangeSensor
 from surfuse.node.averaging import average_echoes
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
@@ -193,19 +192,11 @@ class TetheredSensors:
         return self._world_from_grip
 
 
-class _Tethered:
+class _Tethered(AlwaysOpen):
     """One sensor of `TetheredSensors` under its number."""
 
     def __init__(self, owner: TetheredSensors, index: int, spec: SensorSpec) -> None:
         self._owner, self._index, self._spec = owner, index, spec
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        return None
 
     @property
     def spec(self) -> SensorSpec:

@@ -9,13 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
 from surfuse.errors import ConfigError
-from surfuse.interfaces import Clock
+from surfuse.interfaces import AlwaysOpen, Clock
 from surfuse.node.averaging import AveragingParameters, average_pings
 from surfuse.records import Echo, SensorSpec, Status
 
@@ -73,19 +71,11 @@ class Parameters:
             )
 
 
-class PolaroidSensor:
+class PolaroidSensor(AlwaysOpen):
     """See `create`."""
 
     def __init__(self, spec: SensorSpec, timer: PulseTimer, clock: Clock, parameters: Parameters) -> None:
         self._spec, self._timer, self._clock, self._parameters = spec, timer, clock, parameters
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        return None
 
     @property
     def spec(self) -> SensorSpec:

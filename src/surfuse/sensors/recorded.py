@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from types import TracebackType
-from typing import Self
-
 from surfuse.errors import ConfigError, DeviceError
+from surfuse.interfaces import AlwaysOpen
 from surfuse.records import Echo, Fixture, Readings, Status
 
 
-class RecordedArray:
+class RecordedArray(AlwaysOpen):
     """See `create`."""
 
     def __init__(self, readings: Readings, fixture: Fixture, start: int) -> None:
@@ -21,14 +19,6 @@ class RecordedArray:
         if not 0 <= start <= readings.n_sweeps:
             raise ConfigError(f"start = {start} of {readings.n_sweeps} recorded sweeps", cure="give a recorded sweep")
         self._readings, self._fixture, self._next = readings, fixture, start
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        return None
 
     @property
     def fixture(self) -> Fixture:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 
 from surfuse.errors import ConfigError
-from surfuse.interfaces import Clock, World
+from surfuse.interfaces import AlwaysOpen, Clock, World
 from surfuse.node.averaging import average_pings
 from surfuse.records import Echo, FloatArray, SensorSpec
 from surfuse.sensors.polaroid import averaging_of, within_limits
 
 
-class SimulatedSensor:
+class SimulatedSensor(AlwaysOpen):
     """A ranger with any spec in the twin.
 
     Parameters
@@ -32,14 +30,6 @@ class SimulatedSensor:
             raise ConfigError(f"sensor '{spec.name}': pings = {pings}", cure="give 1 to 1000")
         self._spec, self._world, self._pose, self._clock, self._pings = spec, world, pose, clock, pings
         self._averaging = averaging_of(spec)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        return None
 
     @property
     def spec(self) -> SensorSpec:
