@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,8 +14,14 @@ from surfuse.records import BoolArray, Echo, FloatArray, IntArray, Status
 # What a frame of the bus carries: logs hold exactly what is fused, whether a bus lies between or not.
 RANGE_STEPS_PER_M = 100_000
 AMPLITUDE_STEPS = 20_000
-_MAD_TO_SIGMA = 1.4826
-_SMALLEST_CLUSTER = 2
+# Slips can be told from noise only when the noise is well below them.
+_NOISE_LIMIT = 0.2
+_WIDENINGS = 2.0 ** np.arange(7)
+_WIDENING_COST = 0.5
+_ANYWHERE_M = 1.0
+_ROUNDS = 3
+# Pings as close together as this agree whatever the other hypotheses say.
+_PLAIN_SIGMAS = 2.0
 
 
 @dataclass(frozen=True)
@@ -24,25 +31,40 @@ class AveragingParameters:
     Parameters
     ----------
     sigma_m : range noise of a single ping; the width below which scatter is never called an outlier.
-    outlier_sigmas : a ping further than this from the median, in robust standard deviations, is an outlier.
+    outlier_sigmas : a ping further than this from the others, in standard deviations, is an outlier.
     half_wavelength_m : range error of a cycle slip; 0 when the sensor has no cycles to slip.
     most_slips : a later ping within this many whole half wavelengths is a slip, not an outlier.
+    resolution_m : step in which the ranges are counted; adds to the noise of a ping.
+    slip_share : how likely a ping is one period late, before it is seen; its square two periods, and so on.
+    outlier_share : how likely a ping has nothing to do with the surface, before it is seen.
     """
 
     sigma_m: float = 0.5e-3
     outlier_sigmas: float = 3.5
     half_wavelength_m: float = 0.0
     most_slips: int = 4
+    resolution_m: float = 0.0
+    slip_share: float = 0.2
+    outlier_share: float = 0.03
 
     def __post_init__(self) -> None:
         if not self.sigma_m > 0.0:
             raise ConfigError(f"averaging.sigma_m = {self.sigma_m}", cure="give a standard deviation > 0 in metres")
         if not self.outlier_sigmas >= 1.0:
             raise ConfigError(f"averaging.outlier_sigmas = {self.outlier_sigmas}", cure="give 1 or more")
-        if not 0.0 <= self.half_wavelength_m < 1.0:
-            raise ConfigError(f"averaging.half_wavelength_m = {self.half_wavelength_m}", cure="give 0 to 1 m")
+        for name in ("half_wavelength_m", "resolution_m"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise ConfigError(f"averaging.{name} = {getattr(self, name)}", cure="give 0 to 1 m")
         if not 0 <= self.most_slips <= 100:
             raise ConfigError(f"averaging.most_slips = {self.most_slips}", cure="give 0 to 100")
+        for name in ("slip_share", "outlier_share"):
+            if not 0.0 < getattr(self, name) < 1.0:
+                raise ConfigError(f"averaging.{name} = {getattr(self, name)}", cure="give a share between 0 and 1")
+
+    @property
+    def noise_m(self) -> float:
+        """Standard deviation of one ping: its noise and, uniform within a step, the error of counting."""
+        return math.hypot(self.sigma_m, self.resolution_m / math.sqrt(12.0))
 
 
 @dataclass(frozen=True)
@@ -99,37 +121,51 @@ def average_echoes(echoes: Sequence[Echo], parameters: AveragingParameters | Non
 def consistent(range_m: FloatArray, parameters: AveragingParameters) -> Consistent:
     """Find the pings that agree among finite ranges (P,), P > 0.
 
-    A detector that misses periods answers late by whole half wavelengths. So pings which lie whole half wavelengths
-    after the earliest group of at least two are taken back by that much. The rest are compared with the median, in
-    units of the median absolute deviation (Hampel's rule).
+    A detector that misses periods answers late by whole half wavelengths; a neighbour's burst or a passing draught
+    answers anything. So each ping may be right, late by whole half wavelengths, or an outlier; the range and the width
+    of the scatter that make the pings most likely together are taken (maximum likelihood of a mixture). In a tie the
+    narrower scatter wins, then the earlier echo.
     """
-    slips = _slips(range_m, parameters)
-    folded = range_m - slips * parameters.half_wavelength_m
-    centre = float(np.median(folded))
-    width = max(_MAD_TO_SIGMA * float(np.median(np.abs(folded - centre))), parameters.sigma_m)
-    used = np.abs(folded - centre) <= parameters.outlier_sigmas * width
-    kept = folded[used]
-    spread = float(np.std(kept, ddof=1)) if len(kept) > 1 else float("nan")
-    return Consistent(used, slips, float(kept.mean()), spread)
+    order = np.argsort(range_m, kind="stable")
+    pings = np.asarray(range_m[order], dtype=np.float64)
+    if pings[-1] - pings[0] <= _PLAIN_SIGMAS * parameters.noise_m:
+        return Consistent(np.ones(len(pings), dtype=np.bool_), np.zeros(len(pings), dtype=np.int64), *_mean(pings))
+    centre, width, most = _likeliest(pings, parameters)
+    periods = np.arange(most + 1) * parameters.half_wavelength_m
+    used = np.ones(len(pings), dtype=np.bool_)
+    for _ in range(_ROUNDS):
+        slips = np.argmin(np.abs(pings[:, None] - centre - periods), axis=1)
+        folded = pings - periods[slips]
+        used = np.abs(folded - centre) <= parameters.outlier_sigmas * width
+        centre = float(folded[used].mean())
+    back = np.argsort(order, kind="stable")
+    return Consistent(used[back], np.where(used, slips, 0)[back].astype(np.int64), *_mean(folded[used]))
 
 
-def _slips(range_m: FloatArray, parameters: AveragingParameters) -> IntArray:
-    """Whole half wavelengths (P,) by which pings are late on the earliest group; 0 where that does not explain them."""
-    none = np.zeros(len(range_m), dtype=np.int64)
-    period = parameters.half_wavelength_m
-    # Slips can only be told from noise when the noise is well below them.
-    if period <= 0.0 or parameters.most_slips == 0 or parameters.sigma_m > 0.25 * period:
-        return none
-    order = np.sort(range_m)
-    groups = np.split(order, np.flatnonzero(np.diff(order) > 0.5 * period) + 1)
-    large = [group for group in groups if len(group) >= _SMALLEST_CLUSTER]
-    if len(groups) == 1 or not large or np.ptp(large[0]) > period:
-        return none
-    late = (range_m - float(np.mean(large[0]))) / period
-    whole = np.rint(late)
-    explained = np.abs(late - whole) * period <= max(0.25 * period, parameters.sigma_m)
-    slipped = explained & (whole > 0) & (whole <= parameters.most_slips)
-    return np.where(slipped, whole, 0).astype(np.int64)
+def _mean(kept_m: FloatArray) -> tuple[float, float]:
+    """Mean and standard deviation of pings that agree; one ping has no deviation."""
+    return float(kept_m.mean()), float(np.std(kept_m, ddof=1)) if len(kept_m) > 1 else math.nan
+
+
+def _likeliest(pings: FloatArray, parameters: AveragingParameters) -> tuple[float, float, int]:
+    """Range, standard deviation, and most slips of the hypothesis under which sorted pings (P,) are most likely.
+
+    Every ping is tried as the true range, and every widening of the known noise as the scatter.
+    """
+    best = (-np.inf, float(pings[0]), parameters.noise_m, 0)
+    inside, outside = 1.0 - parameters.outlier_share, parameters.outlier_share / _ANYWHERE_M
+    apart = pings[None, :] - pings[:, None]
+    for steps, width in enumerate((parameters.noise_m * _WIDENINGS).tolist()):
+        period = parameters.half_wavelength_m
+        most = parameters.most_slips if period > 0.0 and width <= _NOISE_LIMIT * period else 0
+        late = np.arange(most + 1)
+        off = (apart[:, :, None] - late * period) / width
+        density = np.exp(-0.5 * off * off) @ parameters.slip_share**late / (math.sqrt(2.0 * math.pi) * width)
+        likelihood = np.log(inside * density + outside).sum(axis=1) - _WIDENING_COST * steps
+        place = int(np.argmax(likelihood))
+        if likelihood[place] > best[0]:
+            best = (float(likelihood[place]), float(pings[place]), width, most)
+    return best[1:]
 
 
 def _kinds(range_m: FloatArray) -> IntArray:
