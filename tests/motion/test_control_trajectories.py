@@ -156,3 +156,57 @@ def test_a_hostile_pass_is_refused() -> None:
         time_optimal_pass(np.tile(READY_RAD, (3, 1)), MODEL, LIMITS, KINEMATICS.jacobian)
     with pytest.raises(ConfigError, match="tool_speed_m_s"):
         PassParameters(tool_speed_m_s=float("inf"))
+
+
+def pass_through_a_line(**how: float) -> tuple[Trajectory, FloatArray, FloatArray]:
+    pytest.importorskip("toppra")
+    from surfuse.motion.time_optimal import PassParameters, time_optimal_pass
+
+    points = READY_RAD + np.linspace(0.0, 1.0, 15)[:, None] * np.radians([12.0, -3.0, 4.0, 2.0, -5.0, 3.0])
+    dynamics = None if how.pop("published", False) else MODEL
+    planned, times = time_optimal_pass(points, dynamics, LIMITS, KINEMATICS.jacobian, PassParameters(**how))
+    return planned, times, points
+
+
+def test_a_pass_with_a_ramp_has_bounded_jerk_and_still_meets_every_point() -> None:
+    planned, times, points = pass_through_a_line(tool_speed_m_s=0.1, ramp_s=0.03)
+    consistent(planned)
+    assert_allclose(planned.sample(times)[0], points, atol=1e-9)
+    jumping = pass_through_a_line(tool_speed_m_s=0.1)[0]
+    step = 1e-4
+    largest = []
+    for motion in (planned, jumping):
+        t = np.arange(0.0, motion.duration_s, step)
+        largest.append(np.abs(np.diff(motion.sample(t)[2], axis=0)).max() / step)
+    assert largest[0] < 0.1 * largest[1]
+    assert planned.duration_s < jumping.duration_s + 0.04
+    assert_allclose(planned.sample([0.0, planned.duration_s])[1], 0.0, atol=1e-12)
+
+
+def test_an_arm_of_unknown_dynamics_keeps_its_acceleration_limits() -> None:
+    planned, times, points = pass_through_a_line(tool_speed_m_s=0.2, published=True)
+    qdd = samples(planned)[3]
+    assert np.all(np.abs(qdd) <= LIMITS.acceleration_rad_s2 * 1.002)
+    assert np.abs(qdd / LIMITS.acceleration_rad_s2).max() > 0.9
+    assert_allclose(planned.sample(times)[0], points, atol=1e-9)
+
+
+def test_the_mean_of_a_path_law_is_the_mean() -> None:
+    from surfuse.motion.path_law import PathLaw
+
+    grid = np.linspace(0.0, 1.0, 11)
+    speed = np.sqrt(np.maximum(1e-9, np.minimum(grid, 1.0 - grid)))
+    plain, ramped = PathLaw(grid, speed), PathLaw(grid, speed, 0.2)
+    assert ramped.duration_s == pytest.approx(plain.duration_s + 0.2)
+    for t in (0.05, 0.9, plain.duration_s + 0.1):
+        window = np.linspace(t - 0.2, t, 4001)
+        at, rate, push = plain.sample(window)
+        found = [float(value[0]) for value in ramped.sample(np.array([t]))]
+        assert_allclose(found, [np.trapezoid(value, window) / 0.2 for value in (at, rate, push)], atol=2e-3)
+
+
+def test_a_hostile_ramp_is_refused() -> None:
+    from surfuse.motion.time_optimal import PassParameters
+
+    with pytest.raises(ConfigError, match="ramp_s"):
+        PassParameters(ramp_s=float("nan"))

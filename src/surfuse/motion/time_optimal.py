@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from surfuse.errors import ConfigError, SafetyStopError
 from surfuse.motion.limits import JointLimits
+from surfuse.motion.path_law import PathLaw
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.records import FloatArray
 
@@ -22,12 +23,14 @@ _TOLERANCE = 1e-3
 class PassParameters:
     """`torque_share`: share of the torque limits to plan with. `tool_speed_m_s`: highest speed of the tool.
 
-    `grid_per_point`: places per joint position at which limits are imposed.
+    `grid_per_point`: places per joint position at which limits are imposed. `ramp_s`: accelerations build up over this
+    time, which bounds the jerk (0: they jump).
     """
 
     torque_share: float = 0.75
     tool_speed_m_s: float = 0.5
     grid_per_point: int = 4
+    ramp_s: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.0 < self.torque_share <= 1.0:
@@ -36,57 +39,41 @@ class PassParameters:
             raise ConfigError(f"tool_speed_m_s = {self.tool_speed_m_s}", cure="give a speed > 0 m/s")
         if self.grid_per_point < 1:
             raise ConfigError(f"grid_per_point = {self.grid_per_point}", cure="give 1 or more")
+        if not (np.isfinite(self.ramp_s) and 0.0 <= self.ramp_s <= 1.0):
+            raise ConfigError(f"ramp_s = {self.ramp_s}", cure="give a time from 0 to 1 s")
 
 
 class TimeOptimalPass:
-    """See `time_optimal_pass`; `times_s` (N,) says when the pass is at each joint position, `slowed` by how much.
+    """See `time_optimal_pass`; `slowed` is the factor by which the pass was stretched in time.
 
-    `slowed` is the factor by which the pass was stretched in time because the limits, imposed only at grid points,
-    were exceeded between them; 1 means not at all.
+    It is needed because the limits, imposed only at grid points, can be exceeded between them; 1 means not at all.
     """
 
-    def __init__(self, spline: CubicSpline, parameter: FloatArray, clock: FloatArray, speed: FloatArray, slowed: float):
+    def __init__(self, spline: CubicSpline, law: PathLaw, slowed: float = 1.0) -> None:
         self._spline = spline
-        self._clock = clock * slowed
-        self._parameter = parameter
-        self._speed = speed / slowed
+        self._law = law
         self.slowed = slowed
 
     @property
     def duration_s(self) -> float:
         """Time from rest to rest."""
-        return float(self._clock[-1])
+        return self._law.duration_s * self.slowed
 
     def times_s(self, parameter: FloatArray) -> FloatArray:
-        """When the pass is at each path parameter."""
-        k = np.clip(np.searchsorted(self._parameter, parameter, side="right") - 1, 0, len(self._parameter) - 2)
-        mean = 0.5 * (self._speed[k] + self._state(self._clock[k], parameter)[1])
-        gone = np.asarray(parameter) - self._parameter[k]
-        return np.asarray(self._clock[k] + np.divide(gone, mean, out=np.zeros_like(gone), where=mean > 0.0))
+        """When the pass is at each path parameter (N,)."""
+        return self.slowed * self._law.times_s(parameter)
 
     def sample(self, t_s: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Position, speed and acceleration (T, J) at times (T,) from the start; at rest before and after."""
-        asked = np.ravel(np.asarray(t_s, dtype=np.float64))
-        t = np.clip(asked, 0.0, self._clock[-1])
-        k = np.clip(np.searchsorted(self._clock, t, side="right") - 1, 0, len(self._clock) - 2)
-        span = self._clock[k + 1] - self._clock[k]
-        push = (self._speed[k + 1] - self._speed[k]) / span
-        h = t - self._clock[k]
-        rate = self._speed[k] + push * h
-        at = np.clip(self._parameter[k] + h * (self._speed[k] + 0.5 * push * h), 0.0, self._parameter[-1])
-        outside = (asked < 0.0) | (asked >= self._clock[-1])
-        rate, push = np.where(outside, 0.0, rate)[:, None], np.where(outside, 0.0, push)[:, None]
+        at, rate, push = self._law.sample(np.ravel(np.asarray(t_s, dtype=np.float64)) / self.slowed)
+        rate, push = (rate / self.slowed)[:, None], (push / self.slowed**2)[:, None]
         along, bend = self._spline(at, 1), self._spline(at, 2)
         return self._spline(at), along * rate, bend * rate**2 + along * push
-
-    def _state(self, t: FloatArray, parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Time and path speed at path parameters: v^2 is linear in the parameter between grid points."""
-        return t, np.sqrt(np.interp(parameter, self._parameter, self._speed**2))
 
 
 def time_optimal_pass(
     points_rad: FloatArray,
-    dynamics: ArmDynamics,
+    dynamics: ArmDynamics | None,
     limits: JointLimits,
     jacobian: Callable[[FloatArray], FloatArray],
     parameters: PassParameters = PassParameters(),
@@ -94,7 +81,8 @@ def time_optimal_pass(
     """The fastest smooth motion through joint positions (N, J), and the time (N,) at which it is at each of them.
 
     The path is a cubic spline, straight joint-space distance as parameter. `jacobian` maps joints (N, J) to (N, 6, J)
-    in world axes. Limits are joint speeds, torques (friction included) and the speed of the tool.
+    in world axes. Limits are joint speeds, torques (friction included; for an arm of unknown dynamics its joint
+    accelerations instead) and the speed of the tool.
 
     Raises
     ------
@@ -108,10 +96,11 @@ def time_optimal_pass(
     spline = CubicSpline(at, points, bc_type="clamped" if len(points) > 2 else "natural")
     grid = _refined(at, parameters.grid_per_point)
     speed = _path_speeds(spline, grid, dynamics, limits, jacobian, parameters)
-    clock = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(grid) / np.maximum(speed[:-1] + speed[1:], 1e-12))])
-    planned = TimeOptimalPass(spline, grid, clock, speed, 1.0)
-    slowed = _excess(planned, len(grid) * _CHECKS_PER_POINT, dynamics, limits, jacobian, parameters)
-    planned = TimeOptimalPass(spline, grid, clock, speed, slowed)
+    law = PathLaw(grid, speed, parameters.ramp_s)
+    planned = TimeOptimalPass(spline, law)
+    checks = len(grid) * _CHECKS_PER_POINT
+    slowed = _excess(planned, checks, dynamics, limits, jacobian, parameters)
+    planned = TimeOptimalPass(spline, law, slowed)
     return planned, planned.times_s(at)
 
 
@@ -123,7 +112,7 @@ def _refined(at: FloatArray, per_point: int) -> FloatArray:
 def _path_speeds(
     spline: CubicSpline,
     grid: FloatArray,
-    dynamics: ArmDynamics,
+    dynamics: ArmDynamics | None,
     limits: JointLimits,
     jacobian: Callable[[FloatArray], FloatArray],
     parameters: PassParameters,
@@ -145,16 +134,19 @@ def _path_speeds(
         bound = np.minimum(limits.velocity_rad_s, np.maximum(share, 1e-6))
         return np.column_stack([-bound, bound])
 
-    torque = parameters.torque_share * dynamics.torque_max_nm
-    constraints = [
-        toppra.constraint.JointVelocityConstraintVarying(speed_limit),
-        toppra.constraint.JointTorqueConstraint(
-            lambda q, qd, qdd: dynamics.rigid_torque(q, qd, qdd) + dynamics.viscous_nm_s * qd,
+    between = toppra.constraint.DiscretizationType.Interpolation
+    if dynamics is None:
+        bounds = np.column_stack([-limits.acceleration_rad_s2, limits.acceleration_rad_s2])
+        effort = toppra.constraint.JointAccelerationConstraint(bounds, between)
+    else:
+        arm, torque = dynamics, parameters.torque_share * dynamics.torque_max_nm
+        effort = toppra.constraint.JointTorqueConstraint(
+            lambda q, qd, qdd: arm.rigid_torque(q, qd, qdd) + arm.viscous_nm_s * qd,
             np.column_stack([-torque, torque]),
-            dynamics.coulomb_nm.max(axis=1),
-            discretization_scheme=toppra.constraint.DiscretizationType.Interpolation,
-        ),
-    ]
+            arm.coulomb_nm.max(axis=1),
+            discretization_scheme=between,
+        )
+    constraints = [toppra.constraint.JointVelocityConstraintVarying(speed_limit), effort]
     solver = toppra.algorithm.TOPPRA(constraints, path, gridpoints=grid, solver_wrapper="seidel")
     _, found, _ = solver.compute_parameterization(0.0, 0.0)
     if found is None or not np.all(np.isfinite(found)):
@@ -169,23 +161,32 @@ def _path_speeds(
 def _excess(
     planned: TimeOptimalPass,
     checks: int,
-    dynamics: ArmDynamics,
+    dynamics: ArmDynamics | None,
     limits: JointLimits,
     jacobian: Callable[[FloatArray], FloatArray],
     parameters: PassParameters,
 ) -> float:
-    """By how much the pass must be stretched so that speeds and torques keep their limits everywhere.
-
-    Stretching time by f divides speeds by f and the torques of motion by f^2; what gravity and friction need stays.
-    """
+    """By how much the pass must be stretched so that it keeps its limits everywhere."""
     q, qd, qdd = planned.sample(np.linspace(0.0, planned.duration_s, checks))
     tool = np.linalg.norm(np.einsum("nij,nj->ni", jacobian(q)[:, :3], qd), axis=1)
     fastest = max(float(np.max(np.abs(qd) / limits.velocity_rad_s)), float(np.max(tool)) / parameters.tool_speed_m_s)
+    if dynamics is None:
+        square = float(np.max(np.abs(qdd) / limits.acceleration_rad_s2))
+    else:
+        square = _torque_excess(q, qd, qdd, dynamics, parameters.torque_share)
+    needed = max(fastest, float(np.sqrt(max(0.0, square))))
+    return needed if needed > 1.0 + _TOLERANCE else 1.0
+
+
+def _torque_excess(q: FloatArray, qd: FloatArray, qdd: FloatArray, dynamics: ArmDynamics, torque_share: float) -> float:
+    """Square of the factor by which time must be stretched so that the torques keep their limits.
+
+    Stretching time by f divides the torques of motion by f^2; what gravity and friction need stays.
+    """
     weight = dynamics.gravity(q)
     moving = dynamics.rigid_torque(q, qd, qdd) - weight
     steady = weight + dynamics.friction(qd)
-    most = parameters.torque_share * dynamics.torque_max_nm
+    most = torque_share * dynamics.torque_max_nm
     # |steady + moving / f^2| <= most, for both signs.
     square = np.maximum(moving / np.maximum(most - steady, 1e-9), -moving / np.maximum(most + steady, 1e-9))
-    needed = max(fastest, float(np.sqrt(max(0.0, float(np.max(square))))))
-    return needed if needed > 1.0 + _TOLERANCE else 1.0
+    return float(np.max(square))

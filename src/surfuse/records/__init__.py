@@ -13,7 +13,7 @@ from surfuse.records.fused import FusedPoint, FusedPoints, FusionScene
 from surfuse.records.pictures import CameraFrame, CameraModel, Detection, Outline
 from surfuse.records.plan import ScanPlan, SkippedStop
 from surfuse.records.readings import Readings, readings_from_sweeps
-from surfuse.records.sensing import Echo, Fixture, JointState, SensorSpec, Sweep
+from surfuse.records.sensing import Echo, Fixture, JointSamples, JointState, SensorSpec, Sweep
 from surfuse.records.surface import FusionResult, MapGrid, Score, SurfaceMap
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "Gap",
     "Gate",
     "IntArray",
+    "JointSamples",
     "JointState",
     "MapGrid",
     "Outline",

@@ -89,6 +89,38 @@ class JointState:
 
 
 @dataclass(frozen=True)
+class JointSamples:
+    """Joint positions (T, J) rad at increasing times (T,) s: what the encoders showed during a motion."""
+
+    t_s: FloatArray
+    position_rad: FloatArray
+
+    def __post_init__(self) -> None:
+        own(self, np.float64, t_s=(None,), position_rad=(len(self.t_s), None))
+        if np.any(~np.isfinite(self.t_s)) or np.any(np.diff(self.t_s) <= 0.0):
+            raise DataError("joint samples must have finite, increasing times")
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    def at(self, t_s: FloatArray) -> FloatArray:
+        """Joints (N, J) at times (N,), on straight lines between the samples.
+
+        Raises
+        ------
+        DataError : a time outside the samples, where nobody knows the joints.
+        """
+        asked = np.asarray(t_s, dtype=np.float64)
+        if len(self) == 0 or not np.all((asked >= self.t_s[0]) & (asked <= self.t_s[-1])):
+            known = f"{self.t_s[0]:.6f} to {self.t_s[-1]:.6f} s" if len(self) else "none"
+            raise DataError(
+                f"joints asked for at {float(asked.min()):.6f} to {float(asked.max()):.6f} s, samples: {known}",
+                cure="sample the encoders until the last reading has fired",
+            )
+        return np.column_stack([np.interp(asked, self.t_s, joint) for joint in self.position_rad.T])
+
+
+@dataclass(frozen=True)
 class Sweep:
     """The readings of one stop: S readings in columns, with the pose of each sensor as reached (world frame).
 
