@@ -108,7 +108,23 @@ def test_every_layer_draws(browser, report_file, layer):
         choose(browser, "sensor", "0")
         assert "us0" in text(browser, "caption")
     assert browser.complaints() == []
-    assert browser.run(COLOURS)[2] > 3
+    assert browser.run(COLOURS.replace('"canvas"', '"canvas[data-role=heat]"'))[0] > 3
+
+
+def test_two_methods_stand_side_by_side_with_bands_and_second_surfaces(browser, report_file):
+    browser.open(report_file)
+    host = "document.querySelector('[data-side-by-side]')"
+    captions = browser.run(f"[...{host}.querySelectorAll('figcaption strong')].map((one) => one.textContent)")
+    assert [text.replace("\u200b", "") for text in captions[:3]] == ["fused (weighted_average)", "sharp", "truth"]
+    assert browser.run(f"{host}.querySelectorAll('svg .band').length") == 4
+    assert browser.run(f"{host}.querySelectorAll('svg .second').length") > 0
+    assert browser.run(f"{host}.querySelectorAll('svg .guessed').length") > 0
+    assert "prior only" in browser.run(f"{host}.innerText")
+    choose(browser, "cut-of", "error")
+    browser.run(f"{host}.querySelector('[data-role=own-scale]').click()")
+    browser.settle()
+    assert "scale ±" in browser.run(f"{host}.innerText")
+    assert browser.complaints() == []
 
 
 def test_surfaces_and_colours_of_the_relief_switch(browser, report_file):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from surfuse.geometry.poses import pose
@@ -63,6 +65,20 @@ def surface(step_m: float, blur_m: float, noise_m: float, method: str, rng: np.r
         mask=mask,
         regime=np.where(mask, np.where(edge, Regime.EDGE, Regime.MEASURED), Regime.EMPTY),
         method=method,
+    )
+
+
+def rival(rng: np.random.Generator) -> SurfaceMap:
+    """The plate as a method sees it that knows of second surfaces, with a strip that no reading holds."""
+    plain = surface(0.01, 0.012, 1e-4, "sharp", rng)
+    v = plain.grid.v_m[:, None] + 0.0 * plain.grid.u_m
+    beside = plain.mask & (np.abs(v - 0.1) < 0.006)
+    strip = plain.mask & (v > 0.105) & (v < 0.125)
+    return replace(
+        plain,
+        regime=np.where(strip, np.uint8(Regime.PRIOR), plain.regime),
+        alternative_height_m=np.where(beside, 0.09 - plain.height_m, np.nan),
+        alternative_weight=np.where(beside, 0.3, 0.0),
     )
 
 
@@ -221,6 +237,7 @@ def report_content(seed: int = 1) -> ReportContent:
             Event("scan complete", t_s=706.2),
         ),
         configuration_toml=CONFIG,
+        rival=NamedMap("sharp", rival(rng)),
     )
 
 

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from surfuse.errors import ConfigError, StorageError
+from surfuse.errors import ConfigError, DataError, StorageError
 from surfuse.records import SkippedStop
 from surfuse.report.comparison import render_comparison
 from surfuse.report.content import SAFETY, Event, KeyFigure, ReportContent
@@ -62,7 +62,19 @@ def page(whole):
     return Page(whole)
 
 
-SECTIONS = {"surface", "maps", "scores", "replay", "search", "plan", "gaps", "events", "configuration", "about"}
+SECTIONS = {
+    "methods",
+    "surface",
+    "maps",
+    "scores",
+    "replay",
+    "search",
+    "plan",
+    "gaps",
+    "events",
+    "configuration",
+    "about",
+}
 
 
 def test_a_whole_run_fits_into_two_megabytes(whole):
@@ -138,13 +150,13 @@ def test_a_title_alone_makes_a_page():
         ({"events": ()}, "events"),
         ({"configuration_toml": ""}, "configuration"),
         ({"points": None}, "gaps"),
-        ({"maps": ()}, "maps"),
+        ({"maps": (), "rival": None}, "maps"),
     ],
 )
 def test_a_section_without_content_is_left_out(run_content, gone, section):
     ids = Page(render_report(replace(run_content, **gone), LIGHT)).ids()
     assert section not in ids
-    assert len(ids & SECTIONS) >= len(SECTIONS) - 3
+    assert len(ids & SECTIONS) >= len(SECTIONS) - 4
 
 
 def test_a_foreign_log_without_camera_truth_and_arm(run_content):
@@ -216,6 +228,23 @@ def test_best_figures_stand_out_and_a_column_without_figures_is_left_out(run_con
     text = Page(render_report(alone, LIGHT)).text
     assert "edge off by" not in text
     assert "12.410" in text
+
+
+def test_the_rival_stands_beside_the_run_with_evidence_in_words(page, run_content):
+    group = json.loads(page.script("surfuse-data"))["groups"][0]
+    (pair,) = (a["data-pair"] for _, a in page.elements if "data-pair" in a)
+    labels = [group["maps"][k]["label"] for k in json.loads(pair)]
+    assert labels == [run_content.maps[0].label, "sharp"]
+    assert {"second", "weight"} <= set(group["maps"][json.loads(pair)[1]]["layers"])
+    assert page.text.count("prior only, not measured") == 1
+    assert "No reading holds the cell" in page.text
+
+
+def test_a_run_alone_is_shown_without_a_rival(run_content):
+    page = Page(render_report(replace(run_content, rival=None), LIGHT))
+    assert [a["data-pair"] for _, a in page.elements if "data-pair" in a] == ["[0]"]
+    with pytest.raises(DataError, match="beside no map"):
+        replace(run_content, maps=())
 
 
 def test_thinning_is_said(run_content, synthetic):

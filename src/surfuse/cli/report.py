@@ -15,6 +15,7 @@ HELP = """Write the report of a run (again).
 Examples:
     surfuse report runs/mine --force
     surfuse report runs/mine --file /tmp/mine.html
+    surfuse report runs/mine --against carving --force
 """
 
 
@@ -26,6 +27,12 @@ def register(app: typer.Typer) -> None:
 def report(
     run: Annotated[Path, typer.Argument(help="Run folder.")],
     file: Annotated[Path | None, typer.Option("--file", help="Where to; default: report.html in the run.")] = None,
+    against: Annotated[
+        str | None,
+        typer.Option(
+            "--against", help="Method to show beside the run's; default: the paper's, or beam for the paper's."
+        ),
+    ] = None,
     force: options.Force = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
@@ -33,5 +40,5 @@ def report(
     """Write the page."""
     from surfuse.pipeline import reporting
 
-    outcome = reporting.report(run, file, force)
+    outcome = reporting.report(run, file, force, against)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

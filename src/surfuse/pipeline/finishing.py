@@ -5,26 +5,20 @@ from __future__ import annotations
 import json
 import math
 import time
-from dataclasses import asdict, dataclass, replace
-
-import numpy as np
+from dataclasses import asdict, dataclass
 
 from surfuse import __version__
 from surfuse.cell import Cell, Truth
 from surfuse.errors import DataError
 from surfuse.exporters import nc
 from surfuse.interfaces import FusionMethod
+from surfuse.pipeline.map_of_result import surface_of
 from surfuse.pipeline.outcome import Outcome, Watcher, finite
 from surfuse.pipeline.reporting import write_report
 from surfuse.pipeline.scoring import edge_m, score_data, score_rows
 from surfuse.records import (
-    BoolArray,
-    FusionResult,
     FusionScene,
     Gap,
-    MapGrid,
-    Outline,
-    Regime,
     ScanPlan,
     SurfaceMap,
     Sweep,
@@ -33,7 +27,7 @@ from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
 from surfuse.settings import Settings
 from surfuse.surface.compare import score
-from surfuse.surface.gridding import cells_inside, grid_points, lattice
+from surfuse.surface.gridding import lattice
 from surfuse.surface.truth import truth_around
 
 _HARMLESS = ("frames", "foreign", "triggers", "readings")
@@ -46,32 +40,6 @@ class Finished:
     data: dict[str, object]
     rows: list[tuple[str, str]]
     complete: bool
-
-
-def surface_of(result: FusionResult, grid: MapGrid, method: str, outline: Outline | None) -> SurfaceMap:
-    """The map that the method made itself, or its points on the grid; of both, the cells on the part as it was seen."""
-    if result.surface is None:
-        return grid_points(result.points, grid, method, outline)
-    if outline is None or outline.viewpoint_m is None:
-        return result.surface
-    return masked(result.surface, cells_inside(grid, outline, result.surface.height_m))
-
-
-def masked(surface: SurfaceMap, keep: BoolArray) -> SurfaceMap:
-    """A map without the values outside of `keep` (R, C)."""
-    mask = surface.mask & keep
-    second, weight = surface.alternative_height_m, surface.alternative_weight
-    return replace(
-        surface,
-        height_m=np.where(mask, surface.height_m, np.nan),
-        sigma_m=np.where(mask, surface.sigma_m, np.nan),
-        confidence=np.where(mask, surface.confidence, 0.0),
-        count=np.where(mask, surface.count, 0),
-        mask=mask,
-        regime=np.where(mask, surface.regime, int(Regime.EMPTY)).astype(np.uint8),
-        alternative_height_m=None if second is None else np.where(mask, second, np.nan),
-        alternative_weight=None if weight is None else np.where(mask, weight, 0.0),
-    )
 
 
 def bus_event(cell: Cell) -> LogEvent | None:

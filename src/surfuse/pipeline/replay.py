@@ -16,7 +16,7 @@ from surfuse.exporters import nc
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.interfaces import FusionMethod
 from surfuse.pipeline.acquisition import default_folder
-from surfuse.pipeline.finishing import surface_of
+from surfuse.pipeline.map_of_result import surface_of
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, Watcher
 from surfuse.pipeline.reporting import write_report

@@ -15,10 +15,12 @@ from surfuse.errors import DataError, SurfuseError
 from surfuse.exporters import nc
 from surfuse.geometry.poses import pose
 from surfuse.pipeline.map_files import NATIVE, map_path, read_map
+from surfuse.pipeline.map_of_result import surface_of
+from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome
 from surfuse.pipeline.scoring import edge_m
 from surfuse.pipeline.steps import finder
-from surfuse.records import FloatArray, Readings, Score, SurfaceMap
+from surfuse.records import FloatArray, FusionScene, Readings, Score, SurfaceMap
 from surfuse.report.content import (
     Event,
     FoundPart,
@@ -37,7 +39,7 @@ from surfuse.runs.log_reader import read_log
 from surfuse.runs.log_records import Level, RunLog
 from surfuse.runs.scan_log import ScanLog
 from surfuse.runs.scan_source import load_scan
-from surfuse.settings import Settings, from_tree
+from surfuse.settings import FusionSettings, Settings, from_tree
 from surfuse.surface.compare import score
 from surfuse.surface.splines import spline_surface
 from surfuse.surface.truth import read_mesh, truth_around
@@ -50,19 +52,28 @@ _LEVELS: dict[int, Literal["info", "warning", "error"]] = {
 }
 
 
-def report(path: Path, file: Path | None, overwrite: bool) -> Outcome:
-    """Write the report of a run folder (again)."""
+PAPER = "weighted_average"
+
+
+def report(path: Path, file: Path | None, overwrite: bool, against: str | None = None) -> Outcome:
+    """Write the report of a run folder (again), beside another method on the same readings.
+
+    `against` defaults to the paper's method, or to `beam` for a run of the paper's.
+    """
     run = RunFolder(path)
     if not run.surface.is_file():
         raise DataError(f"the folder holds no {NATIVE}", cure="finish the run with 'surfuse resume'", where=str(path))
     target = file or run.report
-    write_report(run, target, overwrite)
+    method = nc.read(run.surface).method
+    write_report(run, target, overwrite, against=against or ("beam" if method == PAPER else PAPER))
     return Outcome({"report": str(target)}, [("report", str(target))])
 
 
-def write_report(run: RunFolder, target: Path, overwrite: bool = False, scan: ScanLog | None = None) -> None:
+def write_report(
+    run: RunFolder, target: Path, overwrite: bool = False, scan: ScanLog | None = None, against: str = PAPER
+) -> None:
     """Render the page of a run and write it at once or not at all."""
-    durable.write_text(target, render_report(content_of(run, scan)), overwrite=overwrite)
+    durable.write_text(target, render_report(content_of(run, scan, against)), overwrite=overwrite)
 
 
 def view(path: Path, port: int) -> None:
@@ -78,8 +89,8 @@ def _map_alone(path: Path) -> ReportContent:
     return ReportContent(title=path.name, maps=(NamedMap("surface", read_map(path)),))
 
 
-def content_of(run: RunFolder, scan: ScanLog | None = None) -> ReportContent:
-    """Everything of a run folder that the page can show.
+def content_of(run: RunFolder, scan: ScanLog | None = None, against: str = PAPER) -> ReportContent:
+    """Everything of a run folder that the page can show, with the map of the method `against` beside its own.
 
     A fused run has no log of its own: `scan` is the one that it was made from (default: read again from where it was,
     if it is still there).
@@ -92,6 +103,8 @@ def content_of(run: RunFolder, scan: ScanLog | None = None) -> ReportContent:
     readings = log.readings() if log is not None and log.sweeps else scan.readings if scan is not None else None
     data = json.loads(run.summary.read_text("utf-8")) if run.summary.is_file() else {}
     spline = spline_surface(surface)
+    scene = log.scene if log is not None else scan.scene() if scan is not None else None
+    rival = _rival(against, surface, scene, readings, settings)
     truth = _truth(run, surface)
     name = settings.scene.name if settings and log else run.path.resolve().name
     return ReportContent(
@@ -105,13 +118,14 @@ def content_of(run: RunFolder, scan: ScanLog | None = None) -> ReportContent:
         plan=plan_view(log.plan, log.scene.outline.vertices_m)
         if log and log.plan and log.scene and log.scene.outline
         else None,
-        maps=(NamedMap("fused", surface), NamedMap("spline", spline)),
+        maps=(NamedMap(surface.method, surface), NamedMap("spline", spline)),
+        rival=NamedMap(rival.method, rival) if rival is not None else None,
         truth=NamedMap("truth", truth) if truth is not None else None,
         points=points if points is not None and readings is not None and len(points) == readings.n_sweeps else None,
         readings=readings,
         arm_m=_skeleton(log, readings, settings),
         scenery=_scenery(settings) if log else (),
-        scores=_scores(run, surface, spline),
+        scores=_scores(run, [surface, spline, *([rival] if rival is not None else [])]),
         events=_events(log) if log is not None else _notes(scan),
         configuration_toml=run.configuration.read_text("utf-8") if run.configuration.is_file() else "",
     )
@@ -157,6 +171,9 @@ def _figures(data: dict[str, object], surface: SurfaceMap) -> tuple[KeyFigure, .
     found = [
         KeyFigure(label, form.format(data[key]), hint) for key, label, form, hint in rows if data.get(key) is not None
     ]
+    prior = int((surface.mask & ~surface.measured).sum())
+    if prior:
+        found.append(KeyFigure("prior only", f"{prior} cells", "have a value but no reading holds them; hatched below"))
     sigma = surface.sigma_m[surface.mask]
     if len(sigma):
         found.append(KeyFigure("median sigma", f"{1e3 * float(np.median(sigma)):.2f} mm", "stated standard deviation"))
@@ -191,7 +208,23 @@ def _truth(run: RunFolder, surface: SurfaceMap) -> SurfaceMap | None:
     return truth_around(*read_mesh(run.truth), surface.grid) if run.truth.is_file() else None
 
 
-def _scores(run: RunFolder, surface: SurfaceMap, spline: SurfaceMap) -> tuple[ScoreRow, ...]:
+def _rival(
+    against: str, surface: SurfaceMap, scene: FusionScene | None, readings: Readings | None, settings: Settings | None
+) -> SurfaceMap | None:
+    """The map of another method from the same readings on the same grid; None when it is the same, or cannot fuse."""
+    if against == surface.method or scene is None or readings is None:
+        return None
+    method = create_method(settings.fusion if settings is not None else FusionSettings(), against)
+    try:
+        result = method.replay(scene, readings, surface.grid)
+    except DataError:
+        # What one method can fuse another may not; the report is about the first.
+        return None
+    found = surface_of(result, surface.grid, method.name, scene.outline)
+    return found if found.mask.any() else None
+
+
+def _scores(run: RunFolder, maps: list[SurfaceMap]) -> tuple[ScoreRow, ...]:
     if not run.truth.is_file():
         return ()
     vertices, triangles = read_mesh(run.truth)
@@ -199,7 +232,7 @@ def _scores(run: RunFolder, surface: SurfaceMap, spline: SurfaceMap) -> tuple[Sc
     def found(candidate: SurfaceMap) -> Score:
         return score(candidate, truth_around(vertices, triangles, candidate.grid))
 
-    return tuple(ScoreRow(one.method, found(one), edge_m(one, vertices, triangles)) for one in (surface, spline))
+    return tuple(ScoreRow(one.method, found(one), edge_m(one, vertices, triangles)) for one in maps)
 
 
 def _skeleton(log: RunLog | None, readings: Readings | None, settings: Settings | None) -> FloatArray:

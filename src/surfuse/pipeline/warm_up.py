@@ -87,12 +87,13 @@ def small_scan() -> tuple[FusionScene, Readings, MapGrid]:
 
 
 def main() -> None:
-    """Fuse the small scan with the method named on the command line."""
+    """Fuse the small scan with the method named on the command line, and with the paper's, which the report shows."""
     scene, readings, grid = small_scan()
     method = create_method(FusionSettings(), sys.argv[1])
     state = method.start(scene)
     method.step(state, readings.sweep(0))
     method.replay(scene, readings, grid)
+    create_method(FusionSettings(), "weighted_average").replay(scene, readings, grid)
 
 
 if __name__ == "__main__":

@@ -113,7 +113,7 @@ def plan_view(plan: ScanPlan, outline_m: FloatArray) -> PlanView:
 
 @dataclass(frozen=True)
 class NamedMap:
-    """A surface and the words that name it on the page ("fused", "spline", "truth", a method)."""
+    """A surface and the words that name it on the page (a method, "spline", "truth")."""
 
     label: str
     surface: SurfaceMap
@@ -154,7 +154,8 @@ class Scenery:
 class ReportContent:
     """The report of one run. Only the title is needed.
 
-    `made` is the date as text. The first of `maps` is the one that the run is about. `points` and `readings`, where
+    `made` is the date as text. The first of `maps` is the one that the run is about, `rival` another
+    method's on the same readings, shown beside it. `points` and `readings`, where
     both are given, describe the same sweeps. `arm_m` (M, K, 3) holds the joint positions (world frame) at each sweep.
     """
 
@@ -177,10 +178,13 @@ class ReportContent:
     events: tuple[Event, ...] = ()
     configuration_toml: str = ""
     safety: str = SAFETY
+    rival: NamedMap | None = None
 
     def __post_init__(self) -> None:
         if not self.title.strip():
             raise DataError("a report needs a title", cure="give ReportContent.title")
+        if self.rival is not None and not self.maps:
+            raise DataError("a rival map stands beside no map", cure="give ReportContent.maps too")
         arm = np.array(self.arm_m, dtype=np.float64)
         if arm.ndim != 3 or arm.shape[2] != 3:
             raise DataError(f"ReportContent.arm_m has shape {arm.shape}, wanted (sweeps, joints, 3)")

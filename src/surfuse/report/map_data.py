@@ -34,7 +34,23 @@ REGIME_LABELS = {
     Regime.MIRROR: "mirror-like echo",
     Regime.SPECKLE: "speckle",
     Regime.EDGE: "beside an edge",
-    Regime.PRIOR: "prior only",
+    Regime.PRIOR: "prior only, not measured",
+}
+REGIME_MEANINGS = {
+    Regime.EMPTY: "No value.",
+    Regime.MEASURED: "Readings hold the cell; this method does not say how they were heard.",
+    Regime.MIRROR: "Heard as the echo of a smooth facet that faces a sensor: the sharpest evidence.",
+    Regime.SPECKLE: "Heard as scattered sound of a tilted patch, which comes late and scatters by millimetres.",
+    Regime.EDGE: "Only the wave of a rim touches the cell: it tells where the rim is, less how high the cell lies.",
+    Regime.PRIOR: "No reading holds the cell: its surroundings are continued. Hatched, grey or dotted, never measured.",
+}
+REGIME_COLOURS = {
+    Regime.EMPTY: "eef1f4",
+    Regime.MEASURED: "0072b2",
+    Regime.MIRROR: "009e73",
+    Regime.SPECKLE: "e69f00",
+    Regime.EDGE: "cc79a7",
+    Regime.PRIOR: "999999",
 }
 
 
@@ -46,6 +62,11 @@ def legends() -> dict[str, object]:
         "regimes": [REGIME_LABELS[regime] for regime in Regime],
         "colours": {name: anchors(name) for name in ANCHORS},
         "categories": ["#" + code for code in CATEGORIES],
+        "paint": {
+            "gates": ["#" + code for code in CATEGORIES],
+            "regimes": ["#" + REGIME_COLOURS[regime] for regime in Regime],
+        },
+        "prior": int(Regime.PRIOR),
     }
 
 
@@ -61,6 +82,9 @@ def _map(named: NamedMap, truth: SurfaceMap | None, most_nodes: int, is_truth: b
         layers["confidence"] = pack_share(np.where(surface.mask, surface.confidence, np.nan)[cells])
         layers["count"] = pack(np.minimum(surface.count, 65535)[cells], "u2")
         layers["regime"] = pack(surface.regime[cells], "u1")
+        if surface.alternative_height_m is not None and surface.alternative_weight is not None:
+            layers["second"] = pack(MM * surface.alternative_height_m[cells], "f4")
+            layers["weight"] = pack_share(np.where(surface.mask, surface.alternative_weight, np.nan)[cells])
         if truth is not None:
             layers["error"] = pack(MM * deviation(surface, truth)[cells], "f4")
     return {
@@ -94,10 +118,14 @@ def _spans(maps: tuple[NamedMap, ...], truth: SurfaceMap | None) -> dict[str, li
         true_low, true_high = _span([np.where(truth.mask, truth.height_m, np.nan)], 0.0, 100.0) or (low, high)
         low, high = min(low, true_low), max(high, true_high)
     middle, half = 0.5 * (low + high), max(0.5 * (high - low), 5e-4)
-    sigma = _span([np.where(s.mask, s.sigma_m, np.nan) for s in surfaces], 0.0, 99.0) or (0.0, 0.0)
+    sigma = _span([np.where(s.mask, s.sigma_m, np.nan) for s in surfaces], 1.0, 99.0) or (0.0, 0.0)
+    most = max(sigma[1], 1e-5)
     spans = {
         "height": [MM * (middle - half), MM * (middle + half)],
-        "sigma": [0.0, MM * max(sigma[1], 1e-5)],
+        # A logarithmic scale: sigmas of two methods may differ a hundredfold.
+        "sigma": [MM * float(np.clip(sigma[0], 1e-3 * most, 0.5 * most)), MM * most],
+        "second": [MM * (middle - half), MM * (middle + half)],
+        "weight": [0.0, 1.0],
         "confidence": [0.0, 1.0],
         "count": [0.0, float(max([1, *(int(s.count.max(initial=0)) for s in surfaces)]))],
     }

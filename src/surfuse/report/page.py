@@ -18,7 +18,7 @@ from surfuse.report.blocks import (
     score_table,
     section,
 )
-from surfuse.report.content import ReportContent
+from surfuse.report.content import NamedMap, ReportContent
 from surfuse.report.map_data import MM, group_data, legends, stop_data
 from surfuse.report.markup import Child, Markup, element
 from surfuse.report.packing import stride_for
@@ -32,6 +32,7 @@ from surfuse.report.sections import (
     search_section,
     thinning_note,
 )
+from surfuse.report.side_section import side_section
 from surfuse.report.skeleton import document
 
 
@@ -61,6 +62,7 @@ Section = tuple[str, str, Markup]
 def _surface_sections(content: ReportContent) -> list[Section]:
     found: list[Section] = []
     if content.maps:
+        found.append(("methods", "Methods" if content.rival is not None else "Layers", side_section(content)))
         found.append(("surface", "Surface", relief_section()))
         found.append(("maps", "Maps and cuts", explorer_section(content.points is not None)))
     if content.scores:
@@ -96,14 +98,19 @@ def _closing_sections(content: ReportContent) -> list[Section]:
     return [*found, ("about", "About", page_is)]
 
 
+def _shown(content: ReportContent) -> tuple[NamedMap, ...]:
+    """The maps of the page in the order of its data: those of the run, then the rival."""
+    return (*content.maps, *((content.rival,) if content.rival is not None else ()))
+
+
 def _nodes_each(content: ReportContent, limits: PageLimits) -> int:
-    return max(16, limits.map_nodes_max // max(1, len(content.maps) + (content.truth is not None)))
+    return max(16, limits.map_nodes_max // max(1, len(_shown(content)) + (content.truth is not None)))
 
 
 def _data(content: ReportContent, limits: PageLimits) -> dict[str, object]:
     if not content.maps:
         return {"groups": [], "words": legends()}
-    group = group_data(content.maps, content.truth, _nodes_each(content, limits))
+    group = group_data(_shown(content), content.truth, _nodes_each(content, limits))
     if content.points is not None and len(content.points):
         pose = content.maps[0].surface.grid.world_from_part
         group["stops"] = stop_data(content.points, content.readings, pose, limits.readings_max)
@@ -114,7 +121,7 @@ def _data(content: ReportContent, limits: PageLimits) -> dict[str, object]:
 
 def _strides(content: ReportContent, limits: PageLimits) -> list[tuple[str, int]]:
     each = _nodes_each(content, limits)
-    named = [*content.maps, *([content.truth] if content.truth else [])]
+    named = [*_shown(content), *([content.truth] if content.truth else [])]
     return [(one.label, stride_for(one.surface.height_m.size, each, 2)) for one in named]
 
 

@@ -18,6 +18,7 @@ SCRIPTS = (
     "readout.js",
     "explorer.js",
     "comparison.js",
+    "side_by_side.js",
     "page.js",
 )
 

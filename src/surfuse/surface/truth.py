@@ -17,6 +17,13 @@ from surfuse.surface.grids import extended_grid
 RIM_M = 2e-6
 """How far beside a node the surface is looked for when the ray through the node itself just misses its rim."""
 
+WALL = 0.03
+"""Cosine between w and the normal of a triangle below which it is a wall: 1.7 degrees from upright.
+
+Where on a wall a ray ends is a matter of micrometres of the part frame, not of the surface: a node on a wall has the
+height of its upper edge.
+"""
+
 
 def read_mesh(path: Path) -> tuple[FloatArray, IntArray]:
     """Vertices (V, 3) in the file's frame and unit, and triangles (F, 3), of a mesh file that trimesh knows.
@@ -81,10 +88,10 @@ def _first_hits(
     met = np.flatnonzero(hit >= 0)
     a, b, c = np.moveaxis(corners[hit[met]], 1, 0)
     normal = np.cross(b - a, c - a)
-    steep = np.abs(normal[:, 2]) <= 1e-9 * np.linalg.norm(normal, axis=1)
+    steep = np.abs(normal[:, 2]) <= WALL * np.linalg.norm(normal, axis=1)
     offset = np.sum(normal[:, :2] * (uv[met] - a[:, :2]), axis=1)
     on_plane = a[:, 2] - offset / np.where(steep, 1.0, normal[:, 2])
-    # A ray that grazes a wall has met its upper edge; elsewhere the plane is exact up to the rim's offset.
+    # A ray that meets a wall has met its upper edge; elsewhere the plane is exact up to the rim's offset.
     lowest, highest = np.minimum(np.minimum(a, b), c)[:, 2], np.maximum(np.maximum(a, b), c)[:, 2]
     height[met] = np.where(steep, highest, np.clip(on_plane, lowest, highest))
     return height

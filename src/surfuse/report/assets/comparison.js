@@ -12,7 +12,7 @@ class Comparison {
     let rank = 0;
     group.colourOf = group.maps.map((map) => (map.truth ? null : palette[rank++ % palette.length]));
     this.makeMultiples();
-    this.chart = new CutChart(part(host, "cut"), this.along, e);
+    this.chart = new CutChart(part(host, "cut"), this.along, e, group.words.prior);
     this.fillControls();
     this.update();
   }

@@ -1,25 +1,32 @@
 /* A profile cut: height against u or v of several maps, the chosen one with its band of two standard deviations. */
 
-/** The values of one map along a cut: {x, y, sigma} in mm, or null where the map does not reach. */
-function cutThrough(map, along, at) {
+/** A layer of one map along a cut: {x, y, sigma} in mm; `guessed` where only the prior speaks; `second` and its `weight`. */
+function cutThrough(map, along, at, layer = "height") {
   const across = along === "u" ? map.v : map.u;
   const k = nearestIndex(across, at);
   const n = along === "u" ? map.nu : map.nv;
   const index = (i) => (along === "u" ? k * map.nu + i : i * map.nu + k);
-  const sigma = map.layers.sigma;
+  const { sigma, regime, second, weight } = map.layers, values = map.layers[layer];
+  const along_cut = (from) => (from ? Float32Array.from({ length: n }, (_, i) => from[index(i)]) : null);
   return {
     x: along === "u" ? map.u : map.v,
-    y: Float32Array.from({ length: n }, (_, i) => map.layers.height[index(i)]),
-    sigma: sigma ? Float32Array.from({ length: n }, (_, i) => sigma[index(i)]) : null,
+    y: values ? along_cut(values) : new Float32Array(n).fill(layer === "error" && map.truth ? 0 : NaN),
+    sigma: along_cut(sigma),
+    regime: along_cut(regime),
+    second: layer === "height" ? along_cut(second) : null,
+    weight: along_cut(weight),
   };
 }
 
 class CutChart {
-  constructor(host, along, extent) {
+  /** prior: the number of the kind of evidence that no reading stands for. */
+  constructor(host, along, extent, prior) {
     this.host = host;
     this.along = along;
     this.extent = extent;
     this.series = [];
+    this.prior = prior;
+    this.title = "";
     redrawWith(host, () => this.draw());
   }
 
@@ -48,9 +55,10 @@ class CutChart {
     const svg = svgNode("svg", { viewBox: `0 0 ${width} ${height}`, width, height, role: "img", class: "chart" });
     svg.setAttribute("aria-label", `Profile along ${this.along} at ${other} = ${this.at.toFixed(1)} mm`);
     this.axes(svg, { x0, x1, y0, y1, left, top, w, h, X, Y });
-    for (const one of this.series) if (one.sigma && one.kind === "chosen") svg.append(this.band(one, X, Y, y0, y1));
+    for (const one of this.series) if (one.sigma && (one.kind === "chosen" || one.banded)) svg.append(this.band(one, X, Y, y0, y1));
     // The chosen map last: it must not hide under another.
-    for (const kind of ["other", "truth", "chosen"]) for (const one of this.series) if (one.kind === kind) svg.append(this.curve(one, X, Y));
+    for (const kind of ["other", "truth", "chosen"]) for (const one of this.series) if (one.kind === kind) svg.append(...this.curves(one, X, Y));
+    for (const one of this.series) if (one.second && (one.kind === "chosen" || one.banded)) svg.append(...this.spots(one, X, Y));
     if (this.mark !== null) svg.append(svgNode("line", { x1: X(this.mark), x2: X(this.mark), y1: top, y2: top + h, class: "cursor-line" }));
     this.host.replaceChildren(svg);
   }
@@ -68,17 +76,34 @@ class CutChart {
     svg.append(svgNode("rect", { x: p.left, y: p.top, width: p.w, height: p.h, class: "frame" }));
     svg.append(svgNode("text", { x: p.left + p.w / 2, y: p.top + p.h + 36, "text-anchor": "middle", class: "axis-title" }, `${this.along} (mm)`));
     const turn = `translate(14 ${p.top + p.h / 2}) rotate(-90)`;
-    svg.append(svgNode("text", { transform: turn, "text-anchor": "middle", class: "axis-title" }, "w (mm)"));
+    svg.append(svgNode("text", { transform: turn, "text-anchor": "middle", class: "axis-title" }, this.title || "w (mm)"));
   }
 
-  curve(one, X, Y) {
-    let d = "", pen = false;
+  /** The line of a map: whole where readings hold it, dotted where only the prior does. */
+  curves(one, X, Y) {
+    const spot = (i) => `${X(one.x[i]).toFixed(1)} ${Y(one.y[i]).toFixed(1)}`, known = (i) => i >= 0 && Number.isFinite(one.y[i]);
+    const guessed = (i) => Boolean(one.regime) && one.regime[i] === this.prior;
+    const paths = { held: "", guessed: "" };
+    let before = "";
     for (let i = 0; i < one.x.length; i++) {
-      const known = Number.isFinite(one.y[i]);
-      if (known) d += `${pen ? "L" : "M"}${X(one.x[i]).toFixed(1)} ${Y(one.y[i]).toFixed(1)}`;
-      pen = known;
+      if (!known(i)) { before = ""; continue; }
+      const kind = guessed(i) || (known(i - 1) && guessed(i - 1)) ? "guessed" : "held";
+      if (known(i - 1)) paths[kind] += `${before === kind ? "" : `M${spot(i - 1)}`}L${spot(i)}`;
+      before = known(i - 1) ? kind : "";
     }
-    return svgNode("path", { d, class: `curve ${one.kind}${one.dashed ? " dashed" : ""}`, style: `stroke:${one.colour}` });
+    return Object.keys(paths).filter((kind) => paths[kind]).map((kind) =>
+      svgNode("path", { d: paths[kind], class: `curve ${one.kind}${one.dashed ? " dashed" : ""} ${kind}`, style: `stroke:${one.colour}` }));
+  }
+
+  /** The second surface: a ring where one competes, the fuller the more probable it is. */
+  spots(one, X, Y) {
+    const made = [];
+    for (let i = 0; i < one.x.length; i++) {
+      if (!Number.isFinite(one.second[i]) || !(one.weight[i] >= 0.01)) continue;
+      const style = `stroke:${one.colour};fill:${one.colour};fill-opacity:${Math.min(1, 2 * one.weight[i]).toFixed(2)}`;
+      made.push(svgNode("circle", { cx: X(one.x[i]).toFixed(1), cy: Y(one.second[i]).toFixed(1), r: 3, class: "second", style }));
+    }
+    return made;
   }
 
   band(one, X, Y, y0, y1) {

@@ -47,7 +47,7 @@ class Explorer {
     this.pinned = false;
     this.heat = new Heatmap(part(host, "heat"), e, group.words, false);
     this.heat.outline = group.outline;
-    this.cuts = ["u", "v"].map((along) => new CutChart(part(host, `cut-${along}`), along, e));
+    this.cuts = ["u", "v"].map((along) => new CutChart(part(host, `cut-${along}`), along, e, group.words.prior));
     this.fillControls();
     this.listen();
     this.update();
@@ -159,7 +159,7 @@ function startView(host, group, stretchOf, wireOn) {
   fillSelect(select, group.maps.map((map, k) => [k, map.label]));
   const show = () => {
     const map = group.maps[Number(select.value)], before = colour.value;
-    const names = ["height", "error", "sigma", "confidence", "regime"].filter((name) => map.layers[name]);
+    const names = ["height", "error", "sigma", "confidence", "regime", "weight"].filter((name) => map.layers[name]);
     fillSelect(colour, names.map((name) => [name, LAYERS[name].title]));
     if (names.includes(before)) colour.value = before;
     relief.stretch = stretchOf();

@@ -75,8 +75,8 @@ class Heatmap {
   }
 
   colour(value) {
-    if (this.labels) return this.words.categories[value % this.words.categories.length];
-    return rgb(colourAt(this.words.colours[this.layer.colours], (value - this.span[0]) / (this.span[1] - this.span[0] || 1)));
+    if (this.labels) return this.words.paint[this.layer.words][value];
+    return rgb(colourAt(this.words.colours[this.layer.colours], shareOf(this.layer, this.span, value)));
   }
 
   draw() {
@@ -107,6 +107,34 @@ class Heatmap {
         context.fillRect(left, top, Math.round(this.x(eu[i + 1])) - left, h);
       }
     }
+    this.hatchPrior(context, map, eu, ev);
+  }
+
+  /** Hatch the cells that no reading holds, whatever is shown of them. */
+  hatchPrior(context, map, eu, ev) {
+    const regime = map.layers.regime, prior = this.words.prior, p = this.place;
+    if (!regime) return;
+    context.save();
+    context.beginPath();
+    for (let j = 0; j < map.nv; j++)
+      for (let i = 0; i < map.nu; i++) {
+        const k = j * map.nu + i;
+        if (regime[k] !== prior || Number.isNaN(this.field.values[k])) continue;
+        const left = Math.round(this.x(eu[i])), top = Math.round(this.y(ev[j + 1]));
+        context.rect(left, top, Math.round(this.x(eu[i + 1])) - left, Math.round(this.y(ev[j])) - top);
+      }
+    context.clip();
+    for (const [colour, width, shift] of [["#fff", 1.6, 0], ["#222", 1, 1.5]]) {
+      context.strokeStyle = colour;
+      context.lineWidth = width;
+      context.beginPath();
+      for (let x = p.left - p.h; x < p.left + p.w; x += 5) {
+        context.moveTo(x + shift, p.top + p.h);
+        context.lineTo(x + p.h + shift, p.top);
+      }
+      context.stroke();
+    }
+    context.restore();
   }
 
   drawStops(context) {
@@ -178,13 +206,13 @@ class Heatmap {
       if (flat) context.fillRect(at.x + k, at.y, 1.5, 12); else context.fillRect(at.x, at.y + length - k - 1, 14, 1.5);
     }
     context.fillStyle = this.ink;
-    const ticks = roundTicks(this.span[0], this.span[1], length / (flat ? 48 : 55));
-    const share = (value) => (value - this.span[0]) / (this.span[1] - this.span[0] || 1);
+    const ticks = ticksOf(this.layer, this.span, length / (flat ? 48 : 55));
+    const share = (value) => shareOf(this.layer, this.span, value);
     for (const tick of ticks) {
       context.textAlign = flat ? "center" : "left";
       context.textBaseline = flat ? "top" : "middle";
-      if (flat) context.fillText(tickText(tick, ticks), at.x + share(tick) * length, at.y + 16);
-      else context.fillText(tickText(tick, ticks), at.x + 20, at.y + length * (1 - share(tick)));
+      if (flat) context.fillText(tickWords(this.layer, tick, ticks), at.x + share(tick) * length, at.y + 16);
+      else context.fillText(tickWords(this.layer, tick, ticks), at.x + 20, at.y + length * (1 - share(tick)));
     }
     if (!this.layer.unit) return;
     context.textBaseline = "top";

@@ -22,6 +22,7 @@ function start() {
   const data = JSON.parse(document.getElementById("surfuse-data").textContent);
   const groups = data.groups.map((raw) => readGroup(raw, data.words));
   for (const host of document.querySelectorAll("[data-explorer]")) new Explorer(host, groups[Number(host.dataset.explorer)]);
+  for (const host of document.querySelectorAll("[data-side-by-side]")) new SideBySide(host, groups[Number(host.dataset.sideBySide)]);
   for (const host of document.querySelectorAll("[data-relief]")) startRelief(host, groups[Number(host.dataset.relief)]);
   for (const host of document.querySelectorAll("[data-comparison]")) new Comparison(host, groups[Number(host.dataset.comparison)]);
   for (const host of document.querySelectorAll("[data-replay]")) startReplay(host, groups[0]);

@@ -187,9 +187,9 @@ class Relief {
     }
     context.fillStyle = styleOf(this.canvas, "--ink-soft");
     context.textBaseline = "top";
-    const ticks = roundTicks(span[0], span[1], long / 60);
+    const ticks = ticksOf(layer, span, long / 60);
     context.textAlign = "center";
-    for (const tick of ticks) context.fillText(tickText(tick, ticks), left + (long * (tick - span[0])) / (span[1] - span[0] || 1), top + 12);
+    for (const tick of ticks) context.fillText(tickWords(layer, tick, ticks), left + long * shareOf(layer, span, tick), top + 12);
     context.textAlign = "left";
     context.textBaseline = "middle";
     if (layer.unit) context.fillText(layer.unit, left + long + 8, top + 5);
@@ -199,9 +199,9 @@ class Relief {
     const { layer, span } = this.field, words = this.group.words;
     let colour = [150, 150, 150];
     if (layer.words && !Number.isNaN(value)) {
-      const code = parseInt(words.categories[value % words.categories.length].slice(1), 16);
+      const code = parseInt(words.paint[layer.words][value].slice(1), 16);
       colour = [code >> 16, (code >> 8) & 255, code & 255];
-    } else if (!Number.isNaN(value)) colour = colourAt(words.colours[layer.colours], (value - span[0]) / (span[1] - span[0] || 1));
+    } else if (!Number.isNaN(value)) colour = colourAt(words.colours[layer.colours], shareOf(layer, span, value));
     return rgb(colour.map((c) => Math.round(Math.min(255, c * light))));
   }
 
@@ -229,7 +229,10 @@ class Relief {
     const h = k.map((n) => map.layers.height[n]), du = map.u[i + 1] - map.u[i], dv = map.v[j + 1] - map.v[j];
     const slopeU = ((h[1] + h[2] - h[0] - h[3]) / (2 * du)) * this.stretch, slopeV = ((h[2] + h[3] - h[0] - h[1]) / (2 * dv)) * this.stretch;
     const light = 0.62 + (0.45 * (1 + 0.35 * slopeU - 0.45 * slopeV)) / Math.hypot(1, slopeU, slopeV);
-    context.fillStyle = this.colourOf(this.field.layer.words ? values[k[0]] : 0.25 * (values[k[0]] + values[k[1]] + values[k[2]] + values[k[3]]), Math.max(0.45, Math.min(1.15, light)));
+    const regime = map.layers.regime, guessed = regime && k.some((n) => regime[n] === this.group.words.prior);
+    const value = this.field.layer.words ? values[k[0]] : 0.25 * (values[k[0]] + values[k[1]] + values[k[2]] + values[k[3]]);
+    // Grey: no reading holds a corner of it.
+    context.fillStyle = this.colourOf(guessed && !this.field.layer.words ? NaN : value, Math.max(0.45, Math.min(1.15, light)));
     context.strokeStyle = context.fillStyle;
     context.beginPath();
     for (const n of k) context.lineTo(spots[n][0], spots[n][1]);

@@ -3,10 +3,12 @@
 const LAYERS = {
   height: { title: "Height w", unit: "mm", colours: "viridis", digits: 2 },
   error: { title: "Error: map − truth", unit: "mm", colours: "diverging", digits: 2 },
-  sigma: { title: "Standard deviation", unit: "mm", colours: "magma", digits: 3 },
+  sigma: { title: "Standard deviation", unit: "mm", colours: "magma", digits: 3, log: true },
   confidence: { title: "Confidence", unit: "", colours: "cividis", digits: 2 },
   count: { title: "Readings per cell", unit: "", colours: "cividis", digits: 0 },
   regime: { title: "Kind of evidence", unit: "", words: "regimes", digits: 0 },
+  weight: { title: "Probability of a second surface", unit: "", colours: "cividis", digits: 2 },
+  second: { title: "Second surface w", unit: "mm", colours: "viridis", digits: 2 },
 };
 const STOP_LAYERS = {
   dc: { title: "dc = dc1 · dc2 · dc3", unit: "", colours: "cividis", digits: 2 },
@@ -22,6 +24,25 @@ function colourAt(anchors, share) {
   const k = Math.min(anchors.length - 2, Math.floor(x)), t = x - k;
   return [0, 1, 2].map((c) => Math.round(anchors[k][c] + t * (anchors[k + 1][c] - anchors[k][c])));
 }
+
+/** Place of a value in a span, 0 to 1; on a logarithmic scale where the layer has one. */
+function shareOf(layer, span, value) {
+  if (layer.log) return Math.log(Math.max(value, 1e-9) / span[0]) / Math.log(span[1] / span[0] || 1);
+  return (value - span[0]) / (span[1] - span[0] || 1);
+}
+
+function ticksOf(layer, span, about) {
+  if (!layer.log) return roundTicks(span[0], span[1], about);
+  const ticks = [], decades = Math.log10(span[1] / span[0]), steps = decades * 3 <= about ? [1, 2, 5] : [1];
+  for (let n = Math.floor(Math.log10(span[0])); n <= Math.log10(span[1]); n++)
+    for (const step of steps) {
+      const tick = step * Math.pow(10, n);
+      if (tick >= span[0] * 0.999 && tick <= span[1] * 1.001) ticks.push(tick);
+    }
+  return ticks;
+}
+
+function tickWords(layer, value, ticks) { return layer.log ? String(Number(value.toPrecision(1))) : tickText(value, ticks); }
 
 function rgb(colour) { return `rgb(${colour[0]},${colour[1]},${colour[2]})`; }
 
