@@ -13,11 +13,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from surfuse.errors import ConfigError
+from surfuse.errors import ConfigError, SafetyStopError
 from surfuse.interfaces import AlwaysOpen, Clock, Kinematics, World
 from surfuse.motion.limits import JointLimits, check_position
+from surfuse.motion.trajectory import Trajectory
 from surfuse.motion.trapezoid import durations_s
-from surfuse.records import FloatArray, JointState
+from surfuse.records import FloatArray, JointSamples, JointState
+
+_SAMPLE_S = 4e-3  # between two encoder samples of a motion: a straight line between them is off by a dt^2 / 8
+_SAME_RAD = 1e-6
 
 Guard = Callable[[FloatArray, FloatArray], None]
 
@@ -71,6 +75,9 @@ class SimulatedArm(AlwaysOpen):
         self._guard = guard
         self._target_rad = np.array(start_rad, dtype=np.float64)
         self._true_rad = self._target_rad
+        self._motion: Trajectory | None = None
+        self._between_rad = np.zeros(len(self._target_rad))
+        self._began_s = 0.0
 
     @property
     def kinematics(self) -> Kinematics:
@@ -80,19 +87,18 @@ class SimulatedArm(AlwaysOpen):
     @property
     def true_joints_rad(self) -> FloatArray:
         """Where the joints (J,) truly are: for simulated devices that ride on the arm, never for the log."""
-        return self._true_rad.copy()
+        return self._true_at(np.array([self._clock.now_s()]))[0]
 
     def true_tool_pose(self) -> FloatArray:
         """`world_from_tool` (4, 4) at the true joints: for simulated devices that ride on the arm."""
-        return self._kinematics.forward(self._true_rad)
+        return self._kinematics.forward(self.true_joints_rad)
 
     def begin_stop(self) -> None:
         """Nothing to forget: a move of this arm has no history."""
 
     def joint_state(self) -> JointState:
         """What the encoders show, in whole counts."""
-        count = np.asarray(self._parameters.encoder_rad_per_count)
-        return JointState(np.round(self._true_rad / count) * count, self._clock.now_s())
+        return JointState(self._in_counts(self.true_joints_rad), self._clock.now_s())
 
     def move_to(self, joints_rad: FloatArray) -> JointState:
         """Go there and settle: the clock moves on by the time of the trapezoidal move and the rest after it.
@@ -102,6 +108,7 @@ class SimulatedArm(AlwaysOpen):
         SafetyStopError : the target is outside a limit, or the guard refuses the way; the arm has not moved.
         """
         check_position(joints_rad, self._limits)
+        self._end_motion()
         target = np.array(joints_rad, dtype=np.float64)
         if self._guard is not None:
             self._guard(self._target_rad, target)
@@ -111,6 +118,60 @@ class SimulatedArm(AlwaysOpen):
         self._target_rad = target
         self._true_rad = target + self._world.repeatability(len(target))
         return self.joint_state()
+
+    def start(self, trajectory: Trajectory) -> float:
+        """Begin a motion; see `MovingArm.start`. The error of the arm is the same all along it."""
+        begin = trajectory.sample([0.0])[0][0]
+        self._end_motion()
+        off = np.abs(begin - self._target_rad)
+        if not np.all(off <= _SAME_RAD):
+            j = int(np.argmax(np.where(np.isnan(off), np.inf, off)))
+            raise SafetyStopError(
+                f"the motion begins with joint {j + 1} at {np.degrees(begin[j]):.3f} deg, the arm stands at "
+                f"{np.degrees(self._target_rad[j]):.3f} deg",
+                cure="move to where it begins first",
+            )
+        self._between_rad = self._world.repeatability(len(begin))
+        self._motion, self._began_s = trajectory, self._clock.now_s()
+        return self._began_s
+
+    def wait_until(self, t_s: float) -> None:
+        """Let the clock run to this time."""
+        self._clock.advance(max(0.0, t_s - self._clock.now_s()))
+
+    def samples_since(self, t_s: float) -> JointSamples:
+        """Encoder samples of this motion; see `MovingArm.samples_since`."""
+        now_s = self._clock.now_s()
+        first = max(0, int(np.floor((t_s - self._began_s) / _SAMPLE_S)))
+        times = self._began_s + _SAMPLE_S * np.arange(first, (now_s - self._began_s) / _SAMPLE_S)
+        # The last moment is sampled too, so that a reading that has just fired lies between two samples.
+        times = np.append(times[times < now_s], now_s)
+        return JointSamples(times, self._in_counts(self._true_at(times)))
+
+    def finish(self) -> JointState:
+        """Wait for the end of the motion; there is nothing to settle."""
+        if self._motion is not None:
+            self.wait_until(self._began_s + self._motion.duration_s)
+            self._end_motion()
+        return self.joint_state()
+
+    def _end_motion(self) -> None:
+        """The arm stands where its motion has brought it."""
+        if self._motion is not None:
+            now = np.array([self._clock.now_s() - self._began_s])
+            self._target_rad = self._motion.sample(now)[0][0]
+            self._true_rad = self._target_rad + self._between_rad
+            self._motion = None
+
+    def _true_at(self, t_s: FloatArray) -> FloatArray:
+        """True joints (T, J) at times (T,) of the motion, or of the rest."""
+        if self._motion is None:
+            return np.tile(self._true_rad, (len(t_s), 1))
+        return self._motion.sample(t_s - self._began_s)[0] + self._between_rad
+
+    def _in_counts(self, joints_rad: FloatArray) -> FloatArray:
+        count = np.asarray(self._parameters.encoder_rad_per_count)
+        return np.asarray(np.round(joints_rad / count) * count)
 
 
 def create(

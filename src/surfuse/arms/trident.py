@@ -16,11 +16,14 @@ from surfuse.arms.cards.servo import JointServo
 from surfuse.arms.cards.supervision import STANDARD_SUPERVISION, Supervision
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
 from surfuse.interfaces import Clock, Kinematics
-from surfuse.motion.control.law import ControlLaw
+from surfuse.motion.control.law import Commands, ControlLaw
 from surfuse.motion.limits import JointLimits, check_position, check_velocity
 from surfuse.motion.planners import Planner
 from surfuse.motion.trajectory import Trajectory
-from surfuse.records import FloatArray, JointState
+from surfuse.records import FloatArray, JointSamples, JointState
+
+_TICKS_PER_SAMPLE = 4  # of a motion that is run tick by tick
+_SAME_RAD = 1e-6
 
 Guard = Callable[[FloatArray, FloatArray], None]
 
@@ -76,6 +79,9 @@ class TridentArm:
         self._guard = guard
         self._servo = JointServo(bus, parameters.scales, law, parameters.supervision)
         self._target_rad = np.full(len(limits), np.nan)
+        self._motion: Commands | None = None
+        self._next = 0
+        self._samples: list[tuple[float, FloatArray]] = []
 
     def __enter__(self) -> Self:
         self._servo.connect()
@@ -136,16 +142,97 @@ class TridentArm:
         SafetyStopError, DeviceError : as `move_to`.
         """
         self._check_running()
+        commands = self._checked(trajectory)
+        if len(commands):
+            self._target_rad = commands.position_rad[-1].copy()
+            self._servo.run(commands)
+
+    def begin(self, trajectory: Trajectory) -> float:
+        """Make a motion ready to be run tick by tick with `run_until`, and return the time at which it begins.
+
+        The card's watchdog must be fed all the while: a real cell calls `run_until` from a thread that does nothing
+        else.
+
+        Raises
+        ------
+        SafetyStopError : the motion does not begin where the arm is or breaks a limit, or the arm is stopped.
+        """
+        self._check_running()
+        begin = trajectory.sample([0.0])[0][0]
+        off = np.abs(begin - self._target_rad)
+        if not np.all(off <= _SAME_RAD):
+            j = int(np.argmax(np.where(np.isnan(off), np.inf, off)))
+            raise SafetyStopError(
+                f"the motion begins with joint {j + 1} at {np.degrees(begin[j]):.3f} deg, the arm stands at "
+                f"{np.degrees(self._target_rad[j]):.3f} deg",
+                cure="move to where it begins first",
+            )
+        self._motion, self._next, self._samples = self._checked(trajectory), 0, []
+        return self._clock.now_s()
+
+    def run_until(self, t_s: float) -> None:
+        """Run the ticks of the motion that end by this time of the clock; after its end the arm is held there.
+
+        Raises
+        ------
+        SafetyStopError, DeviceError : as `move_to`.
+        """
+        if self._motion is None:
+            return
+        period, motion = self._law.period_s, self._motion
+        while self._clock.now_s() + period <= t_s + 1e-9:
+            self._tick_of(motion)
+
+    def samples_since(self, t_s: float) -> JointSamples:
+        """Encoder samples of the motion, from the last one at or before a time until the tick that has just ended."""
+        first = max((i for i, (at, _) in enumerate(self._samples) if at <= t_s), default=0)
+        kept = self._samples[first:]
+        if not kept:
+            return JointSamples(np.zeros(0), np.zeros((0, len(self._limits))))
+        return JointSamples(np.array([at for at, _ in kept]), np.array([joints for _, joints in kept]))
+
+    def finish(self) -> JointState:
+        """Run what is left of the motion and settle, without further rest.
+
+        Raises
+        ------
+        SafetyStopError, DeviceError : as `move_to`.
+        """
+        self._check_running()
+        if self._motion is not None:
+            while self._next < len(self._motion):
+                self._tick_of(self._motion)
+            self._target_rad, self._motion = self._end_of(self._motion), None
+        self.settle(0.0)
+        return self.joint_state()
+
+    def _tick_of(self, motion: Commands) -> None:
+        """One tick of a motion, or of the rest after it; the encoders are read at its beginning."""
+        now_s, i = self._clock.now_s(), self._next
+        if i < len(motion):
+            self._servo.tick(motion.position_rad[i], motion.velocity_rad_s[i], motion.acceleration_rad_s2[i])
+        else:
+            self._servo.hold(self._end_of(motion), 1)
+        # The sample of the last tick is always there; only every so many stay.
+        if self._samples and (i - 1) % _TICKS_PER_SAMPLE:
+            self._samples.pop()
+        self._samples.append((now_s, self._servo.position_rad))
+        self._next += 1
+
+    def _end_of(self, motion: Commands) -> FloatArray:
+        return motion.position_rad[-1].copy() if len(motion) else self._target_rad
+
+    def _checked(self, trajectory: Trajectory) -> Commands:
+        """A motion as the control law is told it, within the limits of the joints."""
         commands = self._law.commands(trajectory)
         if len(commands):
             for end in (commands.position_rad.min(axis=0), commands.position_rad.max(axis=0)):
                 check_position(end, self._limits)
             check_velocity(commands.velocity_rad_s, self._limits)
-            self._target_rad = commands.position_rad[-1].copy()
-            self._servo.run(commands)
+        return commands
 
-    def settle(self) -> None:
-        """Hold the target until every joint is there and stays.
+    def settle(self, rest_s: float | None = None) -> None:
+        """Hold the target until every joint is there and stays, and then for a further rest (None: the usual one).
 
         Raises
         ------
@@ -158,7 +245,7 @@ class TridentArm:
             off = np.abs(self._target_rad - self._servo.position_rad)
             arrived = arrived + 1 if off.max() <= wanted.settle_rad else 0
             if arrived >= wanted.settle_ticks:
-                self._servo.hold(self._target_rad, round(wanted.rest_s / period))
+                self._servo.hold(self._target_rad, round((wanted.rest_s if rest_s is None else rest_s) / period))
                 return
         j = int(np.argmax(off))
         raise DeviceError(
