@@ -87,7 +87,7 @@ class SimulatedArm(AlwaysOpen):
     @property
     def true_joints_rad(self) -> FloatArray:
         """Where the joints (J,) truly are: for simulated devices that ride on the arm, never for the log."""
-        return self._true_at(np.array([self._clock.now_s()]))[0]
+        return np.asarray(self._true_at(np.array([self._clock.now_s()]))[0])
 
     def true_tool_pose(self) -> FloatArray:
         """`world_from_tool` (4, 4) at the true joints: for simulated devices that ride on the arm."""

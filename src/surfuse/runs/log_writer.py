@@ -9,7 +9,7 @@ from typing import Self
 
 from surfuse.durable import storage_error
 from surfuse.errors import DataError
-from surfuse.records import CameraFrame, FusionScene, ScanPlan, SensorSpec, Sweep
+from surfuse.records import CameraFrame, FusionScene, JointSamples, ScanPlan, SensorSpec, Sweep
 from surfuse.runs import definitions as msg
 from surfuse.runs import own_messages as own
 from surfuse.runs import ros_messages as ros
@@ -101,8 +101,10 @@ class LogWriter:
         _put(segment, "/events", msg.LOG, ros.event_log_message(event), now)
         segment.commit()
 
-    def append_sweep(self, sweep: Sweep) -> None:
+    def append_sweep(self, sweep: Sweep, samples: JointSamples | None = None) -> None:
         """One stop: its own checksummed chunk, synced before this returns.
+
+        `samples` are the joints on the way to it, for an arm that did not stop; None: the joints of the sweep.
 
         Raises
         ------
@@ -120,20 +122,27 @@ class LogWriter:
             self._close_segment()
         segment = self._current()
         self._put_sweep(segment, sweep, scene.specs)
+        self._put_joints(segment, sweep, samples)
+        segment.put(SWEEP_TOPIC, own.sweep_message(sweep), self._latest_ns)
         segment.commit()
         self._sweeps += 1
 
     def _put_sweep(self, segment: Segment, sweep: Sweep, specs: tuple[SensorSpec, ...]) -> None:
         times = [self._tick(float(t_s)) for t_s in sweep.t_s]
-        end = times[-1] if times else self._latest_ns
         if times:
             _put(segment, "/tf", msg.TF, ros.sweep_transforms(sweep, specs), times[0])
         for i, at in enumerate(times):
             sensor = int(sweep.sensor[i])
             _put(segment, self._range_topics[sensor], msg.RANGE, ros.range_message(sweep, i, specs[sensor]), at)
-        if len(sweep.joints_rad):
-            _put(segment, "/joint_states", msg.JOINT_STATE, ros.joint_message(sweep), end)
-        segment.put(SWEEP_TOPIC, own.sweep_message(sweep), end)
+
+    def _put_joints(self, segment: Segment, sweep: Sweep, samples: JointSamples | None) -> None:
+        if samples is not None:
+            for t_s, joints in zip(samples.t_s.tolist(), samples.position_rad, strict=True):
+                _put(segment, "/joint_states", msg.JOINT_STATE, ros.joint_message(t_s, joints), self._tick(t_s))
+        elif len(sweep.joints_rad):
+            began_s = float(sweep.t_s[0]) if len(sweep.t_s) else 0.0
+            joint_state = ros.joint_message(began_s, sweep.joints_rad)
+            _put(segment, "/joint_states", msg.JOINT_STATE, joint_state, self._latest_ns)
 
     def _tick(self, t_s: float) -> int:
         """Log time of a record; one without a usable time gets that of the record before it."""

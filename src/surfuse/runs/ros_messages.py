@@ -114,13 +114,12 @@ def range_message(sweep: Sweep, i: int, spec: SensorSpec) -> Message:
     }
 
 
-def joint_message(sweep: Sweep) -> Message:
-    """Joint positions of the stop as sensor_msgs/JointState."""
-    joints = sweep.joints_rad.tolist()
+def joint_message(t_s: float, joints_rad: FloatArray) -> Message:
+    """Joint positions (J,) at a time as sensor_msgs/JointState."""
     return {
-        "header": _header(float(sweep.t_s[0]) if len(sweep.t_s) else 0.0, ""),
-        "name": [f"joint{j + 1}" for j in range(len(joints))],
-        "position": joints,
+        "header": _header(t_s, ""),
+        "name": [f"joint{j + 1}" for j in range(len(joints_rad))],
+        "position": joints_rad.tolist(),
         "velocity": [],
         "effort": [],
     }
