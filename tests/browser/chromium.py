@@ -55,7 +55,8 @@ class Chromium:
         port = int(told.read_text().splitlines()[0])
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=10) as answer:
             tab = next(one for one in json.load(answer) if one["type"] == "page")
-        self.socket = connect(tab["webSocketDebuggerUrl"], max_size=None)
+        # No keepalive: its thread draws from the global `random`, which hypothesis watches in tests that run later.
+        self.socket = connect(tab["webSocketDebuggerUrl"], max_size=None, ping_interval=None)
         for domain in ("Page", "Runtime", "Network", "Log"):
             self.ask(f"{domain}.enable")
         return self
