@@ -12,7 +12,8 @@ from surfuse.errors import DataError, nearest
 from surfuse.geometry.poses import FloatArray
 from surfuse.records import BoolArray, FusionScene, IntArray, Readings, SensorSpec, Status
 from surfuse.runs.assembly import SingleReadings, assemble, status_of_range
-from surfuse.runs.csv_table import OPTIONAL, REQUIRED, UNKNOWN_STATUS, CsvTable, read_csv_table
+from surfuse.runs.csv_source import OPTIONAL, REQUIRED
+from surfuse.runs.csv_table import UNKNOWN_STATUS, CsvTable, read_csv_table
 from surfuse.runs.scan_log import AssumedSensor, ScanLog
 from surfuse.runs.side_files import (
     METRES_LIMIT,
