@@ -71,7 +71,7 @@ def command() -> Callable[..., Answer]:
 
 def quick_scan(scene: str, folder: Path, *more: str) -> Path:
     """A scan of few stops with the paper's method: a minute of the robot's time, about a second of ours."""
-    how = ("--method", "weighted_average", "--set", "scan.step_m=0.04", "--json", *more)
+    how = ("--method", "weighted_average", "--set", "scan.step_m=0.04", "--arm-driver", "kinematic", "--json", *more)
     answer = run_command("acquire", scene, "--out", folder, *how)
     assert answer.status == 0, answer.err
     assert answer.err == ""

@@ -9,17 +9,22 @@ from typing import Protocol
 
 import numpy as np
 
-from surfuse.arms import puma560, simulated
+from surfuse.arms import puma560, simulated, trident
 from surfuse.arms.puma.volume import CAPSULES, TOOL_LINK, column
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.interfaces import Arm, Clock, Kinematics, World
 from surfuse.motion.body import Capsule, body_of, fixture_capsules
 from surfuse.motion.clearance import ClearanceModel
+from surfuse.motion.control.computed_torque import ComputedTorque
 from surfuse.motion.limits import JointLimits
 from surfuse.motion.obstacles import Obstacle
+from surfuse.motion.planners import slowed, torque_limited, trapezoidal
 from surfuse.records import Fixture, FloatArray
+from surfuse.servo_twin import ServoTwinArm, build_servo_arm, known_model
 from surfuse.settings import Settings
+
+_POTENTIOMETERS = 0x5EED  # keeps the noise of the start-up calibration apart from the world's random streams
 
 
 class TwinArm(Arm, Protocol):
@@ -29,6 +34,9 @@ class TwinArm(Arm, Protocol):
     def true_joints_rad(self) -> FloatArray: ...
     def true_tool_pose(self) -> FloatArray:
         """`world_from_tool` (4, 4) at the true joints."""
+
+    def begin_stop(self) -> None:
+        """Forget all history: what happens at a stop depends on its target and the one before alone."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +74,12 @@ def arm_in_cell(settings: Settings, fixture: Fixture, world: World, clock: Clock
     ConfigError : there is no such arm.
     """
     model = arm_model(settings)
-    motion = simulated.Parameters(settings.arm.settle_s, settings.arm.speed_share, model.encoder_rad_per_count)
-    arm = simulated.create(model.kinematics, world, clock, model.limits, model.ready_rad, motion)
+    arm: TwinArm
+    if settings.arm.driven_by == "trident":
+        arm = _behind_cards(settings, model, world, clock)
+    else:
+        motion = simulated.Parameters(settings.arm.settle_s, settings.arm.speed_share, model.encoder_rad_per_count)
+        arm = simulated.create(model.kinematics, world, clock, model.limits, model.ready_rad, motion)
     return ArmInCell(arm, model, partial(_clearance, model, fixture, settings.kit.tube_length_m))
 
 
@@ -91,6 +103,30 @@ def arm_model(settings: Settings) -> ArmModel:
         TOOL_LINK,
         (column(settings.arm.base_height_m),),
     )
+
+
+def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Clock) -> ServoTwinArm:
+    """The PUMA 560 with its dynamics, driven through the servo cards."""
+    own = settings.arm
+    known = known_model(own.fixture_kg)
+    # Only computed torque follows a motion that goes to the torque limits; the others get the published limits.
+    planner = (
+        torque_limited(known, model.limits, speed_share=own.speed_share)
+        if own.law == ComputedTorque.name
+        else trapezoidal(slowed(model.limits, own.speed_share))
+    )
+    rng = np.random.default_rng([settings.seed, _POTENTIOMETERS])
+    parts = build_servo_arm(
+        puma560_kinematics(settings),
+        clock,
+        rng,
+        own.law,
+        planner,
+        start_rad=model.ready_rad,
+        parameters=trident.Parameters(rest_s=own.settle_s),
+        fixture_kg=own.fixture_kg,
+    )
+    return ServoTwinArm(parts, world)
 
 
 def puma560_kinematics(settings: Settings) -> puma560.Puma560:

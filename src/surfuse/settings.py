@@ -58,12 +58,27 @@ class ArmSettings(Section):
     """The arm and how it may move."""
 
     name: str = "puma560"
+    file: str | None = Field(None, description="MJCF or URDF file of another arm")
+    tool: str | None = Field(None, description="site, body or link of that file that carries the array; z along beams")
+    driver: Literal["trident", "kinematic"] | None = Field(
+        None,
+        description="trident: servo cards and dynamics (default of the PUMA 560); kinematic: no dynamics, for speed",
+    )
+    law: Literal["computed_torque", "gravity_pd", "independent_pid", "set_points_28ms"] = Field(
+        "computed_torque", description="control law behind the servo cards"
+    )
+    fixture_kg: float = Field(0.45, ge=0.0, le=100.0, description="mass of sensors, tubes and bracket at the wrist")
     base_height_m: float = Field(0.50, ge=0.0, le=3.0, description="height of the stand under the arm's base")
     grip_offset_m: float = Field(0.08, gt=0.0, le=0.5, description="wrist centre to the faces of the transducers")
     speed_share: float = Field(1.0, gt=0.0, le=1.0, description="share of the joint speeds and accelerations")
     settle_s: float = Field(0.15, ge=0.0, le=10.0, description="rest after each move, before the array fires")
     repeatability_mm: float = Field(0.1, ge=0.0, le=10.0, description="repeatability at the tool")
     clearance_m: float = Field(0.005, ge=0.0, le=0.5, description="least distance of arm and tubes to table and part")
+
+    @property
+    def driven_by(self) -> Literal["trident", "kinematic"]:
+        """The driver: the servo cards unless set, or unless the arm is that of a file."""
+        return self.driver or ("trident" if self.file is None else "kinematic")
 
 
 class CameraSettings(Section):

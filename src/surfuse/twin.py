@@ -79,6 +79,7 @@ def build_cell(settings: Settings) -> Cell:
     def begin(stage: str, index: int) -> None:
         stop.stage, stop.index = stage, index
         world.begin(stage, index)
+        arm.begin_stop()
 
     def place() -> Place:
         return Place(stop.stage, stop.index, clock.now_s(), arm.true_tool_pose())

@@ -13,7 +13,7 @@ from surfuse.pipeline.steps import finder
 from surfuse.records import CameraFrame, CameraModel
 from surfuse.settings import load
 
-QUICK = ("--set", "scan.step_m=0.04", "--method", "weighted_average")
+QUICK = ("--set", "scan.step_m=0.04", "--set", "arm.driver=kinematic", "--method", "weighted_average")
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from mcap.reader import make_reader
 from surfuse.runs.progress import read_progress
 
 SURFUSE = Path(sys.executable).with_name("surfuse")
-SCAN = ("flat", "--method", "weighted_average", "--set", "scan.step_m=0.03", "--seed", "7")
+SCAN = ("flat", "--method", "weighted_average", "--set", "scan.step_m=0.03", "--arm-driver", "kinematic", "--seed", "7")
 KILLS = 20
 
 

@@ -20,7 +20,7 @@ def experiment(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path
 
     def run(scene: str) -> Path:
         if scene not in done:
-            settings = load(None, [f"scene.name={scene}", "fusion.method=weighted_average"])
+            settings = load(None, [f"scene.name={scene}", "fusion.method=weighted_average", "arm.driver=kinematic"])
             assert acquire(settings, folder / scene, SilentWatcher()).complete
             done[scene] = folder / scene
         return done[scene]

@@ -19,7 +19,7 @@ STOPS = (0, 7, 3)
 
 
 def cell_with(*overrides):
-    return build_cell(load(None, ["scene.name=tilted", "array.pings=3", *overrides]))
+    return build_cell(load(None, ["scene.name=tilted", "array.pings=3", "arm.driver=kinematic", *overrides]))
 
 
 def facing_the_part(cell, forward_m=0.69, height_m=1.10):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from surfuse.runs.log_writer import LogWriter
 from surfuse.settings import load
 from surfuse.twin import build_cell
 
-SETTINGS = load(None, ["scene.name=relief", "scan.step_m=0.05"])
+SETTINGS = load(None, ["scene.name=relief", "scan.step_m=0.05", "arm.driver=kinematic"])
 
 
 class Stubborn(SilentWatcher):
@@ -61,8 +62,9 @@ def walked(located, tmp_path):
         cell, method = build_cell(SETTINGS), weighted_average.create(weighted_average.Parameters())
         with cell.opened(), LogWriter(tmp_path / f"log{count}") as log:
             log.append_scene(scene)
-            go_to_start(cell, SETTINGS, plan.outline, plan, 0)
-            state, sweeps, finished = walk(cell, plan, scene, method, tuple(done), log, watcher or SilentWatcher())
+            bring = partial(go_to_start, cell, SETTINGS, plan.outline, plan)
+            watching = watcher or SilentWatcher()
+            state, sweeps, finished = walk(cell, plan, scene, method, tuple(done), log, watching, bring)
         return method.finish(state, None).points if finished else None, sweeps, tmp_path / f"log{count}"
 
     return go
@@ -99,7 +101,7 @@ def test_the_plan_covers_the_outline_and_its_margin(located):
 
 
 def test_stops_that_are_left_out_are_counted_for_the_user():
-    settings = load(None, ["scene.name=flat", "scan.step_m=0.05", "cell.table_height_m=1.0", "arm.clearance_m=0.2"])
+    settings = load(None, ["scene.name=flat", "scan.step_m=0.05", "arm.driver=kinematic", "arm.clearance_m=0.2"])
     cell, watcher = build_cell(settings), Stubborn()
     with cell.opened():
         part = locate(cell, settings, watcher)

@@ -17,7 +17,7 @@ import trimesh
 from surfuse import __version__, cli, registry
 from surfuse.exporters import nc
 
-QUICKEST = ("--set", "scan.step_m=0.05")
+QUICKEST = ("--set", "scan.step_m=0.05", "--set", "arm.driver=kinematic")
 SCORE = ("rmse_mm", "mae_mm", "bias_mm", "p95_mm", "coverage", "cells")
 
 

@@ -95,7 +95,9 @@ def facing_the_part(cell: Cell, forward_m: float = 0.69, height_m: float = 1.10)
 def test_the_trigger_of_the_array_decides_in_the_cell() -> None:
     sweeps, seconds = {}, {}
     for trigger in ("sequential", "simultaneous"):
-        cell = build_cell(load(None, ["scene.name=flat", "bus.interface=none", f"array.trigger={trigger}"]))
+        cell = build_cell(
+            load(None, ["scene.name=flat", "bus.interface=none", "arm.driver=kinematic", f"array.trigger={trigger}"])
+        )
         cell.begin("stop", 0)
         cell.arm.move_to(facing_the_part(cell))
         began_s = cell.clock.now_s()

@@ -16,6 +16,16 @@ Set = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY.PATH=VALUE", help="Override one value; may be repeated.")
 ]
 Seed = Annotated[int | None, typer.Option("--seed", help="Seed of everything that is random.")]
+ArmFile = Annotated[
+    Path | None, typer.Option("--arm", metavar="FILE", help="MJCF or URDF file of another arm; default: the PUMA 560.")
+]
+Tool = Annotated[
+    str | None, typer.Option("--tool", metavar="FRAME", help="Site, body or link of that file that carries the array.")
+]
+ArmDriver = Annotated[
+    str | None,
+    typer.Option("--arm-driver", metavar="NAME", help="trident: servo cards and dynamics; kinematic: faster, none."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout, nothing else there.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace the output file if it exists.")]
@@ -29,6 +39,12 @@ def overrides(assignments: list[str] | None, method: str | None, seed: int | Non
     if seed is not None:
         texts.append(f"seed={seed}")
     return texts
+
+
+def arm_overrides(file: Path | None, tool: str | None, driver: str | None) -> list[str]:
+    """The options of the arm as `--set` values."""
+    given = {"arm.file": None if file is None else str(file), "arm.tool": tool, "arm.driver": driver}
+    return [f"{key}={toml_string(value)}" for key, value in given.items() if value is not None]
 
 
 def print_json(result: object) -> None:

@@ -16,6 +16,8 @@ Examples:
     surfuse acquire tilted --seed 3 --out runs/t3
     surfuse acquire part.stl --set scene.scale=0.001 --set scene.yaw_deg=20
     surfuse acquire flat --method median --json
+    surfuse acquire flat --arm-driver kinematic    (no servo cards, no dynamics: faster)
+    surfuse acquire flat --arm my_arm.urdf --tool flange
     surfuse acquire relief --node udp    (against `surfuse node` in another terminal)
 """
 
@@ -38,6 +40,9 @@ def acquire(
         str | None,
         typer.Option("--node", metavar="BUS", help="Bus of a node in another process: udp, or one of python-can's."),
     ] = None,
+    arm: options.ArmFile = None,
+    tool: options.Tool = None,
+    arm_driver: options.ArmDriver = None,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -51,6 +56,7 @@ def acquire(
         texts.append(f"scene.name={options.toml_string(scene)}")
     if node is not None:
         texts.append(f"bus.interface={options.toml_string(BUS_NAMES.get(node, node))}")
+    texts += options.arm_overrides(arm, tool, arm_driver)
     configuration = settings.load(cell, texts)
     with TerminalWatcher(quiet or as_json) as watcher:
         outcome = acquisition.acquire(configuration, out, watcher)

@@ -24,6 +24,7 @@ def reproduce(
     cell: options.Cell = None,
     assignments: options.Set = None,
     seed: options.Seed = None,
+    arm_driver: options.ArmDriver = None,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -32,7 +33,8 @@ def reproduce(
     from surfuse.cli._progress import TerminalWatcher
     from surfuse.pipeline import reproduction
 
-    configuration = settings.load(cell, options.overrides(assignments, None, seed))
+    texts = [*options.overrides(assignments, None, seed), *options.arm_overrides(None, None, arm_driver)]
+    configuration = settings.load(cell, texts)
     with TerminalWatcher(quiet or as_json) as watcher:
         outcome = reproduction.reproduce(configuration, out, watcher)
     return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)

@@ -7,10 +7,11 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from surfuse.cell import Cell
-from surfuse.errors import DataError, InterruptError, StorageError
+from surfuse.errors import DataError, DeviceError, InterruptError, SafetyStopError, StorageError
 from surfuse.interfaces import FusionMethod
 from surfuse.pipeline.finishing import Finished, bus_event, finish, outcome_of
 from surfuse.pipeline.methods import create_method
@@ -85,13 +86,26 @@ def _complete(run: RunFolder) -> Outcome:
 
 @contextmanager
 def _resumable(run: RunFolder) -> Iterator[None]:
-    """Say how to go on when the user stops the acquisition at once."""
+    """Say how to go on when the user stops the acquisition at once, or a device or the arm's supervision does."""
+    go_on = f"go on with 'surfuse resume {run.path}'"
     try:
         yield
     except KeyboardInterrupt as error:
-        raise InterruptError(
-            "interrupted; what was scanned is on disk", cure=f"go on with 'surfuse resume {run.path}'"
-        ) from error
+        raise InterruptError("interrupted; what was scanned is on disk", cure=go_on) from error
+    except (SafetyStopError, DeviceError) as error:
+        cure = f"{error.cure}; what was scanned is on disk, {go_on}"
+        raise type(error)(error.what, cure=cure.removeprefix("; "), where=error.where) from error
+
+
+@contextmanager
+def _noted(log: LogWriter, cell: Cell) -> Iterator[None]:
+    """Write down in the log why the arm or a device stopped the scan."""
+    try:
+        yield
+    except (SafetyStopError, DeviceError) as error:
+        name = "safety stop" if isinstance(error, SafetyStopError) else "device"
+        log.append_event(LogEvent(cell.clock.now_s(), Level.ERROR, name, error.what))
+        raise
 
 
 def _from_anywhere(settings: Settings) -> Settings:
@@ -109,8 +123,9 @@ def _acquire(run: RunFolder, settings: Settings, cell: Cell, method: FusionMetho
     progress = read_progress(run.path)
     with warm_up_beside(method.name) as warm_up, cell.opened(), LogWriter(run.log) as log:
         scene, plan, done = _begin(progress, settings, cell, log, watcher)
-        go_to_start(cell, settings, plan.outline, plan, len(done))
-        state, sweeps, finished = walk(cell, plan, scene, method, done, log, watcher)
+        bring = partial(go_to_start, cell, settings, plan.outline, plan)
+        with _noted(log, cell):
+            state, sweeps, finished = walk(cell, plan, scene, method, done, log, watcher, bring)
         if (trouble := bus_event(cell)) is not None:
             log.append_event(trouble)
         if warm_up is not None and finished:

@@ -131,7 +131,10 @@ def _obstacles(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]:
 
 
 def go_to_start(cell: Cell, settings: Settings, outline: Outline, plan: ScanPlan, stop: int) -> None:
-    """Bring the arm clear of everything to the stop at which the scan begins.
+    """Bring the arm clear of everything to the stop before the one at which the scan begins, or goes on.
+
+    From there the move to that stop is the one of an unbroken scan, so that what is measured is the same. Before the
+    first stop the arm comes to that stop itself.
 
     Raises
     ------
@@ -141,7 +144,7 @@ def go_to_start(cell: Cell, settings: Settings, outline: Outline, plan: ScanPlan
         return
     check = cell.clearance(_obstacles(settings, outline))
     here, least_m = cell.arm.joint_state().position_rad, settings.arm.clearance_m
-    for joints in approach(here, plan.joints_rad[stop], cell.arm.kinematics, check, least_m)[:-1]:
+    for joints in approach(here, plan.joints_rad[max(stop - 1, 0)], cell.arm.kinematics, check, least_m):
         cell.arm.move_to(joints)
 
 
@@ -171,11 +174,13 @@ def walk(
     done: tuple[Sweep, ...],
     log: LogWriter,
     watcher: Watcher,
+    bring: Callable[[int], None],
 ) -> tuple[object, list[Sweep], bool]:
     """Scan the stops that are not done, fusing live; returns the fusion state, all sweeps, whether it finished.
 
-    Every sweep is on disk before the arm moves on. Sweeps reach the fusion in the order of the stops, so that a
-    resumed scan gives the same map to the last bit: holes in what was done are filled before the fusion starts.
+    `bring` takes the arm to where the walk to a stop begins (see `go_to_start`). Every sweep is on disk before the arm
+    moves on. Sweeps reach the fusion in the order of the stops, so that a resumed scan gives the same map to the last
+    bit: holes in what was done are filled before the fusion starts.
     """
     sweeps = {sweep.stop: sweep for sweep in done}
     watcher.stage("scan", len(plan))
@@ -187,6 +192,7 @@ def walk(
         watcher.advance()
 
     def visit(first: int, last: int) -> None:
+        bring(first)
         part = replace_stops(plan, last)
         scan(part, cell.arm, cell.array, keep, lambda stop: cell.begin(STOP, stop), first, watcher.stop_requested)
 
@@ -202,6 +208,7 @@ def walk(
         keep(sweep)
         method.step(state, sweep)
 
+    bring(reached)
     scan(plan, cell.arm, cell.array, fuse, lambda stop: cell.begin(STOP, stop), reached, watcher.stop_requested)
     return state, [sweeps[stop] for stop in sorted(sweeps)], len(sweeps) == len(plan)
 

@@ -137,7 +137,8 @@ class JointServo:
         self.stopped_because = self.stopped_because or "the power has been switched off"
 
     def rest(self) -> None:
-        """Forget speeds and integrators: the arm is known to stand still."""
+        """Forget speeds and integrators: the arm is known to stand still where its counters are now."""
+        self._observe(self._position)
         self._law.reset()
         self._velocity[:] = 0.0
 

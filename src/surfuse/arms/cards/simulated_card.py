@@ -147,6 +147,10 @@ class SimulatedCard:
         self._clock.advance(passed)
         return passed
 
+    def look_again(self) -> None:
+        """Count where the arm is now, after it was put somewhere without time passing."""
+        self._count()
+
     # Faults ------------------------------------------------------------------------------------------------------
 
     def stick_encoder(self, joint: int) -> None:
