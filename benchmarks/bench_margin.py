@@ -18,6 +18,7 @@ import numpy as np
 
 from surfuse.cell import world_from_shoulder
 from surfuse.errors import SurfuseError
+from surfuse.geometry.mesh_files import TriangleSoup
 from surfuse.geometry.polygons import signed_distance
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.pipeline.steps import finder
@@ -30,7 +31,6 @@ from surfuse.vision.distance import ShoulderRange
 from surfuse.vision.dominant_points import DominantPointParameters
 from surfuse.vision.outline import outline_part
 from surfuse.world.materials import Material
-from surfuse.world.mesh_files import TriangleSoup
 from surfuse.world.scene import Body, Scene, build_cell
 from surfuse.world.shapes import box, cylinder, extrusion, standing
 from surfuse.world.twin import Twin

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from surfuse.errors import ConfigError, DataError, UsageError
-from surfuse.world import mesh_files
+from surfuse.geometry import mesh_files
 from surfuse.world.parts import SCENES, PartPose, make_part
 from surfuse.world.scene import CellParameters
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from surfuse.errors import DataError
+from surfuse.geometry import mesh_files
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.records import FloatArray, IntArray, MapGrid, Regime, SurfaceMap
 from surfuse.surface.grids import extended_grid
@@ -26,21 +26,14 @@ height of its upper edge.
 
 
 def read_mesh(path: Path) -> tuple[FloatArray, IntArray]:
-    """Vertices (V, 3) in the file's frame and unit, and triangles (F, 3), of a mesh file that trimesh knows.
+    """Vertices (V, 3) in the file's frame and unit, and triangles (F, 3), of a mesh file.
 
     Raises
     ------
-    DataError : unreadable, not a mesh, no triangles, or vertices that are not finite.
+    DataError : unreadable, not a mesh, no triangles, too many, or vertices that are not finite.
     """
-    try:
-        mesh = trimesh.load_mesh(path, process=False)
-        vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
-        faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
-    except Exception as error:
-        # Every reader behind trimesh has exceptions of its own; to the user they all mean the same.
-        raise DataError(f"cannot read it as a mesh ({error})", cure="give PLY, STL or OBJ", where=str(path)) from error
-    check_mesh(vertices, faces, str(path))
-    return vertices, faces
+    soup = mesh_files.read_mesh(path)
+    return soup.vertices_m, soup.triangles
 
 
 def check_mesh(vertices_m: FloatArray, faces: IntArray, where: str = "truth") -> None:

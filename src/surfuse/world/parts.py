@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 
 from surfuse.errors import ConfigError, UsageError, nearest
+from surfuse.geometry.mesh_files import SUFFIXES, TriangleSoup, read_mesh
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FloatArray, IntArray
 from surfuse.world.materials import Material
-from surfuse.world.mesh_files import SUFFIXES, TriangleSoup, read_mesh
 from surfuse.world.scene import Body, CellParameters
 
 SCENES = ("flat", "tilted", "relief")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from surfuse.errors import ConfigError
+from surfuse.geometry.mesh_files import TriangleSoup
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FloatArray
 from surfuse.world.materials import Material
-from surfuse.world.mesh_files import TriangleSoup
 from surfuse.world.scene import Body
 
 

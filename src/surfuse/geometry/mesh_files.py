@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import trimesh
 
 from surfuse.errors import DataError
-from surfuse.records import FloatArray, IntArray
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 SUFFIXES = (".stl", ".ply", ".obj")
 MOST_TRIANGLES = 2_000_000
