@@ -161,6 +161,10 @@ class SimulatedCard:
         """All counters count again."""
         self._frozen[:] = -1
 
+    def lose_amplifier(self, motor: int) -> None:
+        """Motor 1 to 6 gets no current any more, whatever its converter says."""
+        self._torque_per_word[:, motor - 1] = 0.0
+
     def open_emergency_stop(self) -> None:
         """Somebody pushes the button: the card loses arm power."""
         self._chain_closed = False
