@@ -1,4 +1,4 @@
-"""Clearance of an arm at many joint positions at once: the least distance to any obstacle, and who is nearest."""
+"""Clearance of an arm at many joint positions at once: the least distance to obstacles and own links, and who it is."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from surfuse.errors import SafetyStopError
 from surfuse.geometry.compiled import compiled
 from surfuse.motion.body import Body
 from surfuse.motion.obstacles import Obstacle
+from surfuse.motion.own_links import OwnLinks
 from surfuse.records import FloatArray, IntArray
 
 _CHUNK = 2048  # joint positions at once: bounds the memory of the sphere centres
@@ -37,11 +38,15 @@ class Clearances:
 
 @dataclass(frozen=True)
 class ClearanceModel:
-    """An arm's body in its surroundings; `link_poses` maps joints (N, J) to poses (N, L, 4, 4) in the world."""
+    """An arm's body in its surroundings; `link_poses` maps joints (N, J) to poses (N, L, 4, 4) in the world.
+
+    `own` are the links that must keep clear of each other (None: they are not looked at).
+    """
 
     link_poses: Callable[[FloatArray], FloatArray]
     body: Body
     obstacles: tuple[Obstacle, ...]
+    own: OwnLinks | None = None
 
     def __call__(self, joints_rad: FloatArray) -> Clearances:
         """Clearances at joints (N, J); infinite where there is no obstacle, nan joints give nan distances."""
@@ -50,11 +55,27 @@ class ClearanceModel:
         distance, part, obstacle = np.full(n, np.inf), np.zeros(n, np.int64), np.zeros(n, np.int64)
         for first in range(0, n, _CHUNK):
             rows = slice(first, first + _CHUNK)
-            centers = self.body.place(self.link_poses(joints[rows]))
+            poses = self.link_poses(joints[rows])
+            centers = self.body.place(poses)
             for index, solid in enumerate(self.obstacles):
                 self._take_nearer(centers, index, solid, distance[rows], part[rows], obstacle[rows])
+            if self.own is not None and len(self.own.pairs):
+                self._take_own(poses, self.own, distance[rows], part[rows], obstacle[rows])
         distance[~np.all(np.isfinite(joints), axis=1)] = np.nan
-        return Clearances(distance, part, obstacle, self.body.names, tuple(solid.name for solid in self.obstacles))
+        own_names = tuple(f"the arm's own {name}" for name in self.own.names) if self.own is not None else ()
+        solids = tuple(solid.name for solid in self.obstacles)
+        return Clearances(distance, part, obstacle, self.body.names, (*solids, *own_names))
+
+    def _take_own(
+        self, poses: FloatArray, own: OwnLinks, distance: FloatArray, part: IntArray, obstacle: IntArray
+    ) -> None:
+        """Update distance, part and obstacle (N,), in place, where two own links are nearer than any obstacle."""
+        gap, pair = own.nearest(poses)
+        nearer = np.flatnonzero(gap < distance)
+        mine, other = own.part[own.pairs[pair[nearer], 0]], own.part[own.pairs[pair[nearer], 1]]
+        distance[nearer] = gap[nearer]
+        part[nearer] = np.array([self.body.names.index(name) for name in own.names], dtype=np.int64)[mine]
+        obstacle[nearer] = len(self.obstacles) + other
 
     def _take_nearer(
         self,

@@ -24,6 +24,15 @@ CAPSULES = (
     Capsule(WRIST, 6, (0.0, 0.0, 0.0), (0.0, 0.0, 0.03), 0.045),
 )
 
+# Parts that can meet. Upper arm and forearm run side by side at every angle of joint 3; forearm, wrist and bracket
+# meet in the wrist's centre.
+OWN_PAIRS = (
+    (UPPER_ARM, WRIST),
+    (UPPER_ARM, "sensor bracket"),
+    (UPPER_ARM, "sensor tube"),
+    (FOREARM, "sensor tube"),
+)
+
 
 def column(base_height_m: float) -> Column:
     """Stand and trunk of the arm; the upper arm is bolted to it and runs beside it."""
