@@ -166,6 +166,14 @@ class FusionMethod(Protocol):
         """The whole scan at once."""
 
 
+@runtime_checkable
+class LiveMapping(Protocol):
+    """A `FusionMethod` that can also show its map while the scan runs."""
+
+    def preview(self, state: object, grid: MapGrid) -> SurfaceMap:
+        """The map of the sweeps so far; the final map does not depend on whether it was asked for."""
+
+
 class MapFormat(Protocol):
     """One file format of maps. Plug-in: `SUFFIXES: tuple[str, ...]`, `write`, and `read` where it can be read back.
 

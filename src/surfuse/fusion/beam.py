@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from surfuse.errors import ConfigError, DataError
 from surfuse.fusion import median
 from surfuse.fusion.beam_model.echo import DetectorModel
+from surfuse.fusion.beam_model.live import LiveMap
 from surfuse.fusion.beam_model.maps import estimate_map
 from surfuse.interfaces import FusionMethod
 from surfuse.records import (
@@ -20,6 +21,7 @@ from surfuse.records import (
     FusionScene,
     MapGrid,
     Readings,
+    SurfaceMap,
     Sweep,
     readings_from_sweeps,
 )
@@ -62,11 +64,12 @@ class Parameters:
 
 @dataclass
 class BeamState:
-    """Live fusion so far: the scene, the state of the cheap local estimate, the sweeps."""
+    """Live fusion so far: scene, state of the cheap local estimate, sweeps, and a preview if one was asked for."""
 
     scene: FusionScene
     local: object
     sweeps: list[Sweep] = field(default_factory=list)
+    live: LiveMap | None = None
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,14 @@ class BeamFusion:
         point = self.local.step(own.local, sweep)
         own.sweeps.append(sweep)
         return point
+
+    def preview(self, state: object, grid: MapGrid) -> SurfaceMap:
+        """The map so far: estimated again around the sweeps since the last call; nothing of it enters the final map."""
+        own = self._own(state)
+        if own.live is None:
+            own.live = LiveMap(own.scene, grid, self.parameters.detector, self.parameters.edge_price)
+        own.live.update(own.sweeps[len(own.live.sweeps) :])
+        return own.live.surface()
 
     def finish(self, state: object, grid: MapGrid) -> FusionResult:
         """The points so far and the map that explains all their readings."""

@@ -101,7 +101,7 @@ def estimate_map(
         # The order of the tiles, not that in which they finish, decides: the map is the same on every machine.
         for tile, piece in zip(parts, pool.map(solved, parts), strict=True):
             sheet = pasted(sheet, piece, tile)
-    return _on_grid(sheet, grid)
+    return on_grid(sheet, grid)
 
 
 def fine_raster(scene: FusionScene, grid: MapGrid, g: float, heard_m: FloatArray, reach_m: float) -> Raster:
@@ -131,7 +131,7 @@ def _solve(
     return sheet_of(detailed, refine(coarse, detailed, best))
 
 
-def _on_grid(sheet: Sheet, grid: MapGrid) -> SurfaceMap:
+def on_grid(sheet: Sheet, grid: MapGrid) -> SurfaceMap:
     """Layers at the nodes of the map: each node on the facet of the cell that contains it."""
     r = sheet.raster
     rows, cols = r.shape
