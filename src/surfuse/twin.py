@@ -22,14 +22,14 @@ from surfuse.sensors import simulated as simulated_sensor
 from surfuse.settings import NO_BUS, BusSettings, Settings
 from surfuse.simultaneous import SimultaneousArray
 from surfuse.world.acoustics.air import AirParameters, speed_of_sound
-from surfuse.world.acoustics.kit import KitParameters
+from surfuse.world.acoustics.kit import TUBE, KitParameters
 from surfuse.world.materials import with_roughness
 from surfuse.world.optics import OpticsParameters
 from surfuse.world.parts import Part, PartPose, make_part
 from surfuse.world.scene import CellParameters, Scene
 from surfuse.world.scene import build_cell as build_table
 from surfuse.world.tether import HostEnd, Place
-from surfuse.world.twin import Twin, TwinParameters
+from surfuse.world.twin import Twin, TwinParameters, transducer_of
 
 ARM_REACH_M = 0.86
 NODE_GROUP = "239.74.163.2"
@@ -230,7 +230,9 @@ def _part_pose(settings: Settings) -> PartPose:
 def _physics(settings: Settings) -> TwinParameters:
     """The kit, the air, the light and the joints as configured."""
     kit, air = settings.kit, settings.air
+    specs = (*square_fixture(settings).specs, shoulder_spec(settings))
     return TwinParameters(
+        transducers={spec.name: replace(transducer_of(spec), resonance_hz=TUBE.resonance_hz) for spec in specs},
         kit=KitParameters(
             kit.frequency_hz,
             kit.cycles,

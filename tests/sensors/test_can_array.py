@@ -236,7 +236,7 @@ def test_no_node_is_an_error_with_a_cure():
 
 
 def test_a_node_that_dies_ends_in_faults_and_then_an_error():
-    setup = Setup("dies", patience=Patience(answer_timeout_s=0.02, silence_limit_s=0.1))
+    setup = Setup("dies", patience=Patience(answer_timeout_s=0.05, silence_limit_s=0.5))
     with setup.node:
         array = setup.array
         array.__enter__()
@@ -249,7 +249,7 @@ def test_a_node_that_dies_ends_in_faults_and_then_an_error():
             array.sweep()
     finally:
         array.__exit__(None, None, None)
-    assert time.monotonic() - began_s < 3.0
+    assert time.monotonic() - began_s < 10.0
 
 
 def test_sensor_numbers_of_the_node_can_be_chosen():

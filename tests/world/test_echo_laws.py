@@ -1,6 +1,7 @@
 """What any echo must obey, whatever the code that makes it."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -252,6 +253,48 @@ def test_every_kit_parameter_has_its_effect() -> None:
     slow = Sounder(plane(), TUBE, KitParameters(sample_rate_hz=50e3))
     ranges, _ = slow.ping(there, 400, SILENT, np.random.default_rng(0), 0.0)
     assert ranges.std() == pytest.approx(0.5 * 343.2 / 50e3 / np.sqrt(12.0), rel=0.15)
+
+
+def test_a_transducer_off_its_resonance_hears_less_the_further_the_less() -> None:
+    for transducer in (TUBE, BARE):
+        above = [transducer.response(f) for f in np.linspace(transducer.resonance_hz, 200e3, 40)]
+        below = [transducer.response(f) for f in np.linspace(transducer.resonance_hz, 20e3, 40)]
+        assert np.all(np.diff(above) < 0.0)
+        assert np.all(np.diff(below) < 0.0)
+        assert transducer.response(63e3) == 1.0
+    # Half the power, one way, at the ends of the band: half the amplitude out and back.
+    edge = TUBE.resonance_hz * (np.sqrt(1.0 + 0.25 / TUBE.quality**2) + 0.5 / TUBE.quality)
+    assert TUBE.response(edge) == pytest.approx(0.5 * TUBE.response(TUBE.resonance_hz))
+    assert replace(TUBE, resonance_hz=0.0).response(120e3) == 1.0
+
+
+def test_the_response_scales_the_echo_and_silences_weak_ones() -> None:
+    def heard(frequency_hz: float, resonance_hz: float, tilt: float = 0.0) -> tuple[float, float]:
+        transducer = replace(TUBE, resonance_hz=resonance_hz)
+        return read(Sounder(plane(tilt), transducer, replace(FINE, frequency_hz=frequency_hz)), at(0.43))
+
+    usual = TUBE.resonance_hz
+    assert heard(63e3, usual) == heard(63e3, 0.0)
+    for frequency_hz in (45e3, 55e3, 75e3):
+        ratio = heard(frequency_hz, usual)[1] / heard(frequency_hz, 0.0)[1]
+        assert ratio == pytest.approx(TUBE.response(frequency_hz), rel=2e-3)
+    # A plate at 20 degrees answers weakly: far from the resonance its echo stays below the level.
+    assert np.isfinite(heard(63e3, usual, 20.0)[0])
+    assert np.isfinite(heard(90e3, 0.0, 20.0)[0])
+    assert heard(90e3, usual, 20.0)[0] == np.inf
+    # The facing plate is still heard, later within its burst.
+    assert heard(90e3, usual)[0] == pytest.approx(0.43, abs=2e-3)
+
+
+def test_the_farthest_plate_that_is_heard_comes_nearer_off_the_resonance() -> None:
+    def farthest(frequency_hz: float) -> float:
+        sounder = Sounder(plane(half=2.0), BARE, replace(FINE, frequency_hz=frequency_hz, gain=0.05))
+        heard = [d for d in np.arange(0.4, 4.0, 0.1) if np.isfinite(read(sounder, at(d))[0])]
+        return max(heard, default=0.0)
+
+    found = [farthest(f) for f in (55e3, 63e3, 75e3, 90e3, 120e3)]
+    assert all(nearer <= farther for farther, nearer in pairwise(found))
+    assert found[-1] < 0.6 * found[0]
 
 
 def test_noise_is_what_it_says() -> None:

@@ -7,6 +7,8 @@ from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.interfaces import World
 from surfuse.records import CameraModel, SensorSpec
+from surfuse.settings import load
+from surfuse.twin import array_spec, build_world
 from surfuse.world.acoustics.kit import BARE, TUBE, KitParameters
 from surfuse.world.materials import Material, with_roughness
 from surfuse.world.parts import make_part
@@ -77,12 +79,22 @@ def test_shoulder_and_wrist_hear_differently(scene: Scene) -> None:
 
 
 def test_acoustics_come_by_name_or_from_the_spec(scene: Scene) -> None:
-    assert transducer_of(TUBE_SPEC) == TUBE
-    assert transducer_of(BARE_SPEC) == BARE
+    # A spec says no more of the response than that its sensor is made for its frequency.
+    assert transducer_of(TUBE_SPEC) == replace(TUBE, resonance_hz=0.0)
+    assert transducer_of(BARE_SPEC) == replace(BARE, resonance_hz=0.0)
     twin = Twin(scene, TwinParameters(transducers={"us0": BARE}, kit=KitParameters(frequency_hz=50e3)))
     assert twin.sounder(TUBE_SPEC).transducer == BARE
     assert twin.sounder(TUBE_SPEC).kit.frequency_hz == 50e3
     assert twin.sounder(BARE_SPEC).kit.frequency_hz == 63e3
+
+
+def test_the_cell_s_transducers_answer_less_when_the_kit_leaves_their_band() -> None:
+    def strength(frequency_khz: int) -> float:
+        settings = load(None, ["scene.name=flat", "scene.azimuth_deg=0.0", f"kit.frequency_hz={frequency_khz}e3"])
+        twin, _ = build_world(settings)
+        return float(twin.ping(THERE, array_spec(settings, "us0"), 5, 0.0)[1].mean())
+
+    assert strength(55) > strength(63) > strength(75) > strength(90)
 
 
 def test_an_optical_ranger_measures_along_its_axis(scene: Scene) -> None:

@@ -17,7 +17,7 @@ AMPLITUDE_STEPS = 20_000
 # Slips can be told from noise only when the noise is well below them.
 _NOISE_LIMIT = 0.2
 _WIDENINGS = 2.0 ** np.arange(7)
-_WIDENING_COST = 0.5
+_WIDENING_COST = 1.0
 _ANYWHERE_M = 1.0
 _ROUNDS = 3
 # Pings as close together as this agree whatever the other hypotheses say.
@@ -36,7 +36,8 @@ class AveragingParameters:
     most_slips : a later ping within this many whole half wavelengths is a slip, not an outlier.
     resolution_m : step in which the ranges are counted; adds to the noise of a ping.
     slip_share : how likely a ping is one period late, before it is seen; its square two periods, and so on.
-    outlier_share : how likely a ping has nothing to do with the surface, before it is seen.
+    outlier_share : how likely a ping has nothing to do with the surface, before it is seen; it then lies anywhere
+        within a metre.
     """
 
     sigma_m: float = 0.5e-3
@@ -44,8 +45,8 @@ class AveragingParameters:
     half_wavelength_m: float = 0.0
     most_slips: int = 4
     resolution_m: float = 0.0
-    slip_share: float = 0.2
-    outlier_share: float = 0.03
+    slip_share: float = 0.1
+    outlier_share: float = 0.3
 
     def __post_init__(self) -> None:
         if not self.sigma_m > 0.0:

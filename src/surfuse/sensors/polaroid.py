@@ -107,10 +107,16 @@ def create(
     return PolaroidSensor(spec, timer, clock, parameters or Parameters())
 
 
-def averaging_of(spec: SensorSpec) -> AveragingParameters:
-    """How the pings of a ranger are averaged: its own noise, and cycle slips when it counts waves."""
-    half_wavelength_m = 0.5 * 343.2 / spec.frequency_hz if spec.frequency_hz else 0.0
-    return AveragingParameters(sigma_m=spec.sigma_m, half_wavelength_m=half_wavelength_m)
+def averaging_of(spec: SensorSpec, sample_rate_hz: float = 1e6) -> AveragingParameters:
+    """How the pings of a ranger are averaged: its noise, its clock, and cycle slips when it counts waves."""
+    if not spec.frequency_hz:
+        return AveragingParameters(sigma_m=spec.sigma_m)
+    half_speed_m_s = 0.5 * 343.2
+    return AveragingParameters(
+        sigma_m=spec.sigma_m,
+        half_wavelength_m=half_speed_m_s / spec.frequency_hz,
+        resolution_m=half_speed_m_s / sample_rate_hz,
+    )
 
 
 def within_limits(echo: Echo, spec: SensorSpec) -> Echo:

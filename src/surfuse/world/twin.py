@@ -171,10 +171,12 @@ class Twin:
 def transducer_of(spec: SensorSpec) -> TransducerParameters:
     """Acoustics that fit a spec: with a tube when it has a dead length, else bare.
 
-    The aperture of a spec is the effective one: that of the ideal piston with the sensor's beam.
+    The aperture of a spec is the effective one: that of the ideal piston with the sensor's beam. A spec does not tell
+    a resonance: its sensor is made for its frequency.
     """
     usual = replace(TUBE, tube_length_m=spec.dead_length_m) if spec.dead_length_m > 0.0 else BARE
-    return usual if spec.aperture_m is None else replace(usual, aperture_m=spec.aperture_m)
+    made_for_it = replace(usual, resonance_hz=0.0)
+    return made_for_it if spec.aperture_m is None else replace(made_for_it, aperture_m=spec.aperture_m)
 
 
 def _along_axis(

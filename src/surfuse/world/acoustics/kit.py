@@ -10,6 +10,7 @@ import numpy as np
 from surfuse.errors import ConfigError
 from surfuse.records import FloatArray
 
+REFERENCE_HZ = 63e3
 # Ends of the gain steps after the start of the burst: blanking, then seven of 256 and three of 512 periods of the
 # 93.33 kHz clock (TL851). The last step lasts until the cycle ends.
 _CLOCK_HZ = 420e3 / 4.5
@@ -40,6 +41,9 @@ class TransducerParameters:
     rise_time_s : time constant of transducer and receiver, each of which delays the envelope once.
     ring_down_level : strength of the transducer's own ringing when the burst ends (1: the echo of a plate 0.5 m away).
     ring_down_time_s : time constant of its decay.
+    resonance_hz : frequency at which it sends and hears best; 0: equally well at every frequency.
+    quality : resonance over bandwidth (-3 dB, one way). 55 kHz and 3 span 47 to 65 kHz, about the band of the
+        600-series foil.
     """
 
     aperture_m: float = 0.040
@@ -47,6 +51,8 @@ class TransducerParameters:
     rise_time_s: float = 12e-6
     ring_down_level: float = 300.0
     ring_down_time_s: float = 120e-6
+    resonance_hz: float = 55e3
+    quality: float = 3.0
 
     def __post_init__(self) -> None:
         limits = {
@@ -55,8 +61,23 @@ class TransducerParameters:
             "rise_time_s": (5e-6, 1e-3),
             "ring_down_level": (0.0, 1e6),
             "ring_down_time_s": (1e-6, 1e-2),
+            "resonance_hz": (0.0, 1e6),
+            "quality": (0.1, 1000.0),
         }
         _check_limits("transducer", self, limits)
+
+    def response(self, frequency_hz: float) -> float:
+        """Amplitude of an echo, out and back, relative to that at the paper's 63 kHz, where strengths are told.
+
+        One resonance, `1 / sqrt(1 + Q^2 (f / f0 - f0 / f)^2)`, acts once as loudspeaker and once as microphone.
+        """
+        if self.resonance_hz == 0.0:
+            return 1.0
+        return self._two_way(frequency_hz) / self._two_way(REFERENCE_HZ)
+
+    def _two_way(self, frequency_hz: float) -> float:
+        detuning = frequency_hz / self.resonance_hz - self.resonance_hz / frequency_hz
+        return 1.0 / (1.0 + (self.quality * detuning) ** 2)
 
 
 TUBE = TransducerParameters()
@@ -69,7 +90,7 @@ class KitParameters:
 
     Parameters
     ----------
-    frequency_hz : transmit frequency: sets beam, absorption and wavelength.
+    frequency_hz : transmit frequency: sets beam, absorption, wavelength, and how well the transducer responds.
     cycles : periods in the burst: more give a stronger, longer echo.
     blanking_s : time after the start of the burst before anything is heard; nearest range = c * blanking_s / 2.
     gain : factor on the receiver's gain; divides the threshold.

@@ -82,6 +82,7 @@ class Sounder:
         self.assumed_speed_m_s = speed_of_sound(self.air.assumed_temperature_c)
         self.wave_number = 2.0 * np.pi * self.kit.frequency_hz / self.speed_m_s
         self.absorption = absorption(self.air, self.kit.frequency_hz)
+        self.response = transducer.response(self.kit.frequency_hz)
         self.beam = sample_beam(transducer.aperture_m, self.wave_number, self.bundle)
         self._gain = np.interp(
             np.hypot(self.beam.directions[:, 0], self.beam.directions[:, 1]),
@@ -127,7 +128,7 @@ class Sounder:
         self, arrived: Arrivals, pings: int, noise: AcousticNoise, generator: np.random.Generator, t_s: float
     ) -> tuple[FloatArray, FloatArray]:
         """What repeated pings read of what comes back; see `ping`."""
-        scale = 1.0 + noise.amplitude * generator.standard_normal(pings)
+        scale = self.response * (1.0 + noise.amplitude * generator.standard_normal(pings))
         shift = noise.receiver * generator.standard_normal(pings)
         jitter = noise.timing_m * generator.standard_normal(pings)
         tick = generator.random(pings)
@@ -190,7 +191,7 @@ class Sounder:
         mirror = np.convolve(found.mirror, self._shape2)[:full]
         diffuse = np.convolve(found.real + 1j * found.imag, self._shape)[:full]
         along: FloatArray = self.transducer.tube_length_m + np.arange(full, dtype=np.float64) * BIN_M
-        received = np.sqrt(mirror + np.abs(diffuse) ** 2 + self._ringing**2)
+        received = self.response * np.sqrt(mirror + np.abs(diffuse) ** 2 + self._ringing**2)
         return along, np.asarray(received, dtype=np.float64), self._level
 
     def _second_bounce(self, mouth: FloatArray, axis: FloatArray, hit: IntArray) -> None:
@@ -245,7 +246,7 @@ class Sounder:
         shape, level, _, _ = self._timing(speed)
         away = REFERENCE_M - self.transducer.tube_length_m
         first = max(int(away / BIN_M), 0)
-        strength = np.exp(-2.0 * self.absorption * away) / (2.0 * max(away, BIN_M))
+        strength = self.response * np.exp(-2.0 * self.absorption * away) / (2.0 * max(away, BIN_M))
         heard = strength * shape >= level[np.minimum(first + np.arange(len(shape)), len(level) - 1)]
         if away <= 0.0 or not np.any(heard):
             return 0.0
