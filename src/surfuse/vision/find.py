@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
 from surfuse.errors import ConfigError, nearest
-from surfuse.records import BoolArray, ByteArray, CameraFrame, Detection, FloatArray
+from surfuse.records import BoolArray, ByteArray, CameraFrame, Detection
 from surfuse.vision.boundary import Boundary, refine, trace
 from surfuse.vision.flatten import flattened
 from surfuse.vision.polarity import POLARITIES, Polarity, parts_are_bright
-from surfuse.vision.table import TableRing, foot_rows
+from surfuse.vision.standing import StandingParameters, on_table, runs_through
+from surfuse.vision.table import TableRing
 from surfuse.vision.threshold import METHODS, Threshold, otsu, threshold
 
 _MIDDLE = 128.0
@@ -34,8 +35,7 @@ class FindParameters:
     area_min_px : least number of pixels.
     blur_px : standard deviation of the smoothing before the threshold.
     noise_ratio : how many standard deviations a part stands out when the picture is not bimodal as a whole.
-    foot_slack_px : how far below the table's near edge a part's lowest pixel may be.
-    behind_px : how far below the table's far edge it must be: at the edge itself ends whatever stands behind the table.
+    standing : where the foot of a part may be.
     """
 
     method: str = "otsu"
@@ -46,8 +46,7 @@ class FindParameters:
     area_min_px: float = 64.0
     blur_px: float = 1.0
     noise_ratio: float = 6.0
-    foot_slack_px: float = 6.0
-    behind_px: float = 3.0
+    standing: StandingParameters = field(default_factory=StandingParameters)
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -57,7 +56,7 @@ class FindParameters:
         for name in ("separability_min", "edge_share_min"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ConfigError(f"{name} = {getattr(self, name)}", cure="give a share between 0 and 1")
-        for name in ("contrast_min", "area_min_px", "blur_px", "noise_ratio", "foot_slack_px", "behind_px"):
+        for name in ("contrast_min", "area_min_px", "blur_px", "noise_ratio"):
             if not 0.0 <= getattr(self, name) < float("inf"):
                 raise ConfigError(f"{name} = {getattr(self, name)}", cure="give a finite number >= 0")
 
@@ -71,23 +70,28 @@ def find_parts(
     lowest pixel is not on the table top is no part either.
     """
     chosen = parameters or FindParameters()
+    smooth = _smoothed(frame.image, chosen.blur_px)
 
     def stands(detection: Detection) -> bool:
-        return not _runs_through(detection, frame.camera.width_px) and (
-            table is None or _on_table(detection, frame, table, chosen)
+        return not runs_through(detection, frame.camera.width_px) and (
+            table is None or on_table(detection, frame, smooth, table, chosen.standing)
         )
 
-    return _find(frame.image, chosen, stands)
+    return _find(smooth, chosen, stands)
 
 
 def find_regions(image: ByteArray, parameters: FindParameters | None = None) -> tuple[Detection, ...]:
     """Regions of any grey picture (H, W) uint8 that stand out from what is behind them, the largest first."""
-    return _find(image, parameters or FindParameters(), lambda detection: True)
+    chosen = parameters or FindParameters()
+    return _find(_smoothed(image, chosen.blur_px), chosen, lambda detection: True)
 
 
-def _find(image: ByteArray, chosen: FindParameters, accept: Callable[[Detection], bool]) -> tuple[Detection, ...]:
+def _smoothed(image: ByteArray, blur_px: float) -> ByteArray:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), blur_px), np.uint8) if blur_px > 0.0 else image
+
+
+def _find(smooth: ByteArray, chosen: FindParameters, accept: Callable[[Detection], bool]) -> tuple[Detection, ...]:
     """The picture as a whole first; when nothing there is a part, the picture without its slow changes of light."""
-    smooth = np.asarray(cv2.GaussianBlur(image, (0, 0), chosen.blur_px), np.uint8) if chosen.blur_px > 0.0 else image
     return _divided(smooth, smooth, chosen, accept) or _evenly_lit(smooth, chosen, accept)
 
 
@@ -171,19 +175,3 @@ def _detection(smooth: ByteArray, region: Boundary, bright: bool, divided: Thres
         confidence=float(edge[inside].mean()) if np.any(inside) else 0.0,
         holes_px=tuple(refine(smooth, hole, bright, contrast_min)[0] for hole in region.holes_px),
     )
-
-
-def _runs_through(detection: Detection, width_px: int) -> bool:
-    x = detection.contour_px[:, 0]
-    return bool(x.min() <= 1.0 and x.max() >= width_px - 2.0)
-
-
-def _on_table(detection: Detection, frame: CameraFrame, table: TableRing, chosen: FindParameters) -> bool:
-    lowest: FloatArray = detection.contour_px[np.argmax(detection.contour_px[:, 1])]
-    rows = foot_rows(frame, lowest, table)
-    if rows is None:
-        return False
-    bottom = frame.camera.height_px - 1.0
-    below_far_edge = rows[0] + chosen.behind_px <= lowest[1]
-    above_near_edge = lowest[1] <= rows[1] + chosen.foot_slack_px
-    return (below_far_edge and above_near_edge) or (lowest[1] >= bottom - 1.0 and rows[1] > bottom)

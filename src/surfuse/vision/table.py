@@ -29,28 +29,30 @@ class TableRing:
             )
 
 
-def foot_rows(frame: CameraFrame, pixel: FloatArray, table: TableRing) -> tuple[float, float] | None:
-    """Rows of the far and of the near edge of the table top above or below a pixel (2,), far one first.
+def edge_rows(frame: CameraFrame, pixels: FloatArray, table: TableRing) -> FloatArray:
+    """Rows (N, 2) of the far and of the near edge of the table top above or below pixels (N, 2), far one first.
 
-    None where the table cannot be seen in that direction.
+    nan where the table cannot be seen in that direction.
     """
     eye = frame.world_from_camera[:3, 3]
-    ray = world_rays(frame.camera, frame.world_from_camera, pixel[None, :])[0]
-    level = math.hypot(ray[0], ray[1])
-    if level < 1e-6:
-        return None
-    heading = ray[:2] / level
+    rays = world_rays(frame.camera, frame.world_from_camera, pixels)
+    level = np.hypot(rays[:, 0], rays[:, 1])
+    heading = rays[:, :2] / np.where(level < 1e-6, np.nan, level)[:, None]
     # |eye + t heading| = radius has its outer solution at t = -b + sqrt(b^2 - c).
-    b = float(eye[:2] @ heading)
-    points = []
-    for radius in (table.outer_radius_m, table.inner_radius_m):
+    b = heading @ eye[:2]
+    rows = np.empty((len(pixels), 2))
+    for edge, radius in enumerate((table.outer_radius_m, table.inner_radius_m)):
         root = b * b - float(eye[:2] @ eye[:2]) + radius * radius
-        ahead = -b + math.sqrt(root) if root > 0.0 else -1.0
-        if ahead <= 0.0:
-            return None
-        points.append([*(eye[:2] + ahead * heading), table.height_m])
-    seen = transform_points(inverse(frame.world_from_camera), np.array(points))
-    if np.any(seen[:, 2] <= 0.0):
-        return None
-    far, near = pixels_of(frame.camera, seen)[:, 1]
-    return float(min(far, near)), float(max(far, near))
+        ahead = -b + np.sqrt(np.where(root > 0.0, root, np.nan))
+        there = np.column_stack([eye[:2] + ahead[:, None] * heading, np.full(len(pixels), table.height_m)])
+        seen = transform_points(inverse(frame.world_from_camera), there)
+        visible = (ahead > 0.0) & (seen[:, 2] > 0.0)
+        rows[:, edge] = np.where(visible, pixels_of(frame.camera, np.where(visible[:, None], seen, 1.0))[:, 1], np.nan)
+    rows[np.isnan(rows).any(axis=1)] = np.nan
+    return np.sort(rows, axis=1)
+
+
+def foot_rows(frame: CameraFrame, pixel: FloatArray, table: TableRing) -> tuple[float, float] | None:
+    """Rows of the far and of the near edge of the table top above or below a pixel (2,); None where it is not seen."""
+    far, near = edge_rows(frame, pixel[None, :], table)[0].tolist()
+    return None if math.isnan(far) else (far, near)
