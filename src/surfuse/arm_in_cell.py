@@ -5,56 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 
+from surfuse.arm_model import ArmModel, TwinArm
 from surfuse.arms import puma560, simulated, trident
 from surfuse.arms.puma.volume import CAPSULES, TOOL_LINK, column
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
-from surfuse.interfaces import Arm, Clock, Kinematics, World
-from surfuse.motion.body import Capsule, body_of, fixture_capsules
+from surfuse.interfaces import Clock, World
+from surfuse.motion.body import body_of, fixture_capsules
 from surfuse.motion.clearance import ClearanceModel
 from surfuse.motion.control.computed_torque import ComputedTorque
-from surfuse.motion.limits import JointLimits
 from surfuse.motion.obstacles import Obstacle
 from surfuse.motion.planners import slowed, torque_limited, trapezoidal
-from surfuse.records import Fixture, FloatArray
+from surfuse.records import Fixture
 from surfuse.servo_twin import ServoTwinArm, build_servo_arm, known_model
 from surfuse.settings import Settings
 
 _POTENTIOMETERS = 0x5EED  # keeps the noise of the start-up calibration apart from the world's random streams
-
-
-class TwinArm(Arm, Protocol):
-    """An arm of the twin: it also says where its links truly are, for the simulated devices that ride on it."""
-
-    @property
-    def true_joints_rad(self) -> FloatArray: ...
-    def true_tool_pose(self) -> FloatArray:
-        """`world_from_tool` (4, 4) at the true joints."""
-
-    def begin_stop(self) -> None:
-        """Forget all history: what happens at a stop depends on its target and the one before alone."""
-
-
-@dataclass(frozen=True)
-class ArmModel:
-    """What is known of an arm that stands in the cell: of J joints, with link poses (..., L, 4, 4).
-
-    `ready_rad` (J,) is the posture of the search. `capsules` are its own outer shape, `tool_link` the index of the
-    tool among the link poses, `around` the solids that it stands on and that only its outer links could touch.
-    """
-
-    kinematics: Kinematics
-    link_poses: Callable[[FloatArray], FloatArray]
-    limits: JointLimits
-    ready_rad: FloatArray
-    encoder_rad_per_count: tuple[float, ...]
-    capsules: tuple[Capsule, ...]
-    tool_link: int
-    around: tuple[Obstacle, ...]
 
 
 @dataclass(frozen=True)
@@ -73,7 +42,7 @@ def arm_in_cell(settings: Settings, fixture: Fixture, world: World, clock: Clock
     ------
     ConfigError : there is no such arm.
     """
-    model = arm_model(settings)
+    model = arm_model(settings, fixture)
     arm: TwinArm
     if settings.arm.driven_by == "trident":
         arm = _behind_cards(settings, model, world, clock)
@@ -83,15 +52,31 @@ def arm_in_cell(settings: Settings, fixture: Fixture, world: World, clock: Clock
     return ArmInCell(arm, model, partial(_clearance, model, fixture, settings.kit.tube_length_m))
 
 
-def arm_model(settings: Settings) -> ArmModel:
-    """The arm of the configuration without driver or tool.
+def arm_model(settings: Settings, fixture: Fixture) -> ArmModel:
+    """The arm of the configuration without driver.
 
     Raises
     ------
-    ConfigError : there is no such arm.
+    ConfigError : there is no such arm, or a package that its file needs is missing.
+    DataError : the arm's file is refused.
     """
+    if settings.arm.file is not None:
+        try:
+            from surfuse.arm_of_file import model_of_file
+        except ModuleNotFoundError as error:
+            raise ConfigError(
+                f"an arm file needs the package '{error.name}', which is not installed",
+                cure="pip install 'surfuse[dynamics]'",
+                where=settings.arm.file,
+            ) from error
+        return model_of_file(settings, fixture)
+    if settings.arm.tool is not None:
+        raise ConfigError(f"arm.tool = '{settings.arm.tool}' without an arm file", cure="give arm.file, or --arm FILE")
     if settings.arm.name != "puma560":
-        raise ConfigError(f"arm.name = '{settings.arm.name}'", cure="the simulated cell has the arm 'puma560'")
+        raise ConfigError(
+            f"arm.name = '{settings.arm.name}'",
+            cure="the simulated cell has the arm 'puma560', or that of a file (arm.file)",
+        )
     kinematics = puma560_kinematics(settings)
     return ArmModel(
         kinematics,

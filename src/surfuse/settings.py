@@ -69,7 +69,14 @@ class ArmSettings(Section):
     )
     fixture_kg: float = Field(0.45, ge=0.0, le=100.0, description="mass of sensors, tubes and bracket at the wrist")
     base_height_m: float = Field(0.50, ge=0.0, le=3.0, description="height of the stand under the arm's base")
-    grip_offset_m: float = Field(0.08, gt=0.0, le=0.5, description="wrist centre to the faces of the transducers")
+    grip_offset_m: float = Field(
+        0.08, gt=0.0, le=0.5, description="wrist centre, or tool frame of an arm file, to the faces of the transducers"
+    )
+    ready_deg: tuple[float, ...] | None = Field(
+        None, strict=False, max_length=12, description="joints of the search of an arm file; default: found by itself"
+    )
+    joint_speed_deg_s: float = Field(60.0, gt=0.0, le=1000.0, description="of every joint of an arm file")
+    joint_acceleration_deg_s2: float = Field(120.0, gt=0.0, le=10000.0, description="of every joint of an arm file")
     speed_share: float = Field(1.0, gt=0.0, le=1.0, description="share of the joint speeds and accelerations")
     settle_s: float = Field(0.15, ge=0.0, le=10.0, description="rest after each move, before the array fires")
     repeatability_mm: float = Field(0.1, ge=0.0, le=10.0, description="repeatability at the tool")

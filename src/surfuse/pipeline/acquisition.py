@@ -109,11 +109,12 @@ def _noted(log: LogWriter, cell: Cell) -> Iterator[None]:
 
 
 def _from_anywhere(settings: Settings) -> Settings:
-    """The same with the whole path of a mesh file, so that a resume may start in another folder."""
-    mesh = Path(settings.scene.name)
-    if not mesh.is_file():
-        return settings
-    return settings.model_copy(update={"scene": settings.scene.model_copy(update={"name": str(mesh.resolve())})})
+    """The same with the whole paths of mesh and arm files, so that a resume may start in another folder."""
+    mesh, arm = Path(settings.scene.name), settings.arm
+    scene = {"name": str(mesh.resolve())} if mesh.is_file() else {}
+    file = {} if arm.file is None else {"file": str(Path(arm.file).resolve())}
+    changed = {"scene": settings.scene.model_copy(update=scene), "arm": arm.model_copy(update=file)}
+    return settings.model_copy(update=changed)
 
 
 def _acquire(run: RunFolder, settings: Settings, cell: Cell, method: FusionMethod, watcher: Watcher) -> Finished:

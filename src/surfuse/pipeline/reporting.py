@@ -10,10 +10,9 @@ from typing import Literal
 import numpy as np
 
 from surfuse import __version__, durable
-from surfuse.arms import puma560
+from surfuse.arm_in_cell import arm_model
 from surfuse.errors import DataError, SurfuseError
 from surfuse.exporters import nc
-from surfuse.geometry.poses import pose
 from surfuse.pipeline.map_files import NATIVE, map_path, read_map
 from surfuse.pipeline.map_of_result import surface_of
 from surfuse.pipeline.methods import create_method
@@ -43,6 +42,7 @@ from surfuse.settings import FusionSettings, Settings, from_tree
 from surfuse.surface.compare import score
 from surfuse.surface.splines import spline_surface
 from surfuse.surface.truth import read_mesh, truth_around
+from surfuse.twin import square_fixture
 from surfuse.vision.dominant_points import DominantPointParameters, dominant_points
 
 _LEVELS: dict[int, Literal["info", "warning", "error"]] = {
@@ -238,14 +238,17 @@ def _scores(run: RunFolder, maps: list[SurfaceMap]) -> tuple[ScoreRow, ...]:
 def _skeleton(log: RunLog | None, readings: Readings | None, settings: Settings | None) -> FloatArray:
     """Positions of the arm's joints at each sweep, for the replay."""
     nothing = np.zeros((0, 0, 3))
-    if log is None or readings is None or settings is None or settings.arm.name != "puma560":
+    if log is None or readings is None or settings is None:
+        return nothing
+    try:
+        arm = arm_model(settings, square_fixture(settings))
+    except SurfuseError:
+        # The arm's file may be gone by now; the report does without the arm then.
         return nothing
     joints = [sweep.joints_rad for sweep in log.sweeps]
-    if not joints or any(len(row) != 6 for row in joints):
+    if not joints or any(len(row) != len(arm.limits) for row in joints):
         return nothing
-    base = pose(np.eye(3), [0.0, 0.0, settings.arm.base_height_m])
-    tool = pose(np.eye(3), [0.0, 0.0, settings.arm.grip_offset_m - puma560.FLANGE_OFFSET_M])
-    return puma560.Puma560(base, tool).link_poses(np.array(joints))[..., :3, 3]
+    return arm.link_poses(np.array(joints))[..., :3, 3]
 
 
 def _scenery(settings: Settings | None) -> tuple[Scenery, ...]:

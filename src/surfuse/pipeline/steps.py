@@ -62,7 +62,9 @@ def locate(cell: Cell, settings: Settings, watcher: Watcher) -> LocatedPart:
     ------
     DataError : no part was seen in a whole turn.
     """
-    lower, upper = float(cell.arm.kinematics.lower_rad[0]), float(cell.arm.kinematics.upper_rad[0])
+    # Beyond half a turn each way the camera would see the same again.
+    lower = max(float(cell.arm.kinematics.lower_rad[0]), -np.pi)
+    upper = min(float(cell.arm.kinematics.upper_rad[0]), np.pi)
     increment = np.radians(settings.search.increment_deg)
     watcher.stage("search", int((upper - lower) / increment) + 1)
     pictures = 0

@@ -1,0 +1,43 @@
+"""What is known of an arm that stands in the cell, whatever drives it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from surfuse.interfaces import Arm, Kinematics
+from surfuse.motion.body import Capsule
+from surfuse.motion.limits import JointLimits
+from surfuse.motion.obstacles import Obstacle
+from surfuse.records import FloatArray
+
+
+class TwinArm(Arm, Protocol):
+    """An arm of the twin: it also says where its links truly are, for the simulated devices that ride on it."""
+
+    @property
+    def true_joints_rad(self) -> FloatArray: ...
+    def true_tool_pose(self) -> FloatArray:
+        """`world_from_tool` (4, 4) at the true joints."""
+
+    def begin_stop(self) -> None:
+        """Forget all history: what happens at a stop depends on its target and the one before alone."""
+
+
+@dataclass(frozen=True)
+class ArmModel:
+    """What is known of an arm that stands in the cell: of J joints, with link poses (..., L, 4, 4).
+
+    `ready_rad` (J,) is the posture of the search. `capsules` are its own outer shape, `tool_link` the index of the
+    tool among the link poses, `around` the solids that it stands on and that only its outer links could touch.
+    """
+
+    kinematics: Kinematics
+    link_poses: Callable[[FloatArray], FloatArray]
+    limits: JointLimits
+    ready_rad: FloatArray
+    encoder_rad_per_count: tuple[float, ...]
+    capsules: tuple[Capsule, ...]
+    tool_link: int
+    around: tuple[Obstacle, ...]
