@@ -14,6 +14,7 @@ from surfuse.errors import DataError
 from surfuse.interfaces import FusionMethod
 from surfuse.motion.obstacles import Floor, Obstacle, RingTable, part_box
 from surfuse.pipeline.outcome import Watcher
+from surfuse.plan.advice import BELOW, way_to_move, where_and_why
 from surfuse.plan.approach import approach
 from surfuse.plan.reach import ReachParameters
 from surfuse.plan.scan_plan import PlanParameters, scan_plan, skipped_by_kind
@@ -119,11 +120,27 @@ def plan_for(cell: Cell, settings: Settings, outline: Outline, watcher: Watcher)
         reasons = "; ".join(f"{count} {kind}" for kind, count in skipped_by_kind(plan)) or "the outline is empty"
         raise DataError(
             f"not one of {len(plan.skipped)} stops can be visited ({reasons})",
-            cure="move the part (scene.radius_m, scene.azimuth_deg) or change scan.standoff_m",
+            cure=_how_to_move(plan, cell, settings)
+            or "move the part (scene.radius_m, scene.azimuth_deg) or change scan.standoff_m",
         )
     for kind, count in skipped_by_kind(plan):
-        watcher.warn(f"{count} of {count + len(plan)} stops are left out: {kind}")
+        where = "" if kind == BELOW else f" ({where_and_why(plan.skipped, kind)})"
+        watcher.warn(f"{count} of {count + len(plan)} stops are left out: {kind}{where}")
+    if any(kind != BELOW for kind, _ in skipped_by_kind(plan)) and (advice := _how_to_move(plan, cell, settings)):
+        watcher.warn(f"to reach all stops {advice}")
     return plan
+
+
+def _how_to_move(plan: ScanPlan, cell: Cell, settings: Settings) -> str:
+    """Where the arm would reach the whole part; empty where no such place is near."""
+    shift_m = way_to_move(plan, cell.arm.kinematics)
+    if shift_m is None:
+        return ""
+    direction = "towards the arm" if shift_m < 0.0 else "away from the arm"
+    return (
+        f"move the part {1e3 * abs(shift_m):.0f} mm {direction} (scene.radius_m = "
+        f"{settings.scene.radius_m + shift_m:.2f}), or change scan.standoff_m"
+    )
 
 
 def _obstacles(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]:
