@@ -14,7 +14,7 @@ from surfuse.node.counters import BusCounters, Tally
 from surfuse.node.firmware import Node
 from surfuse.node.link import BusLink, BusParameters, OpenBus, open_bus
 from surfuse.node.patience import Patience
-from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.node.responder import NodeIdentity, Responder, Volley
 from surfuse.records import Echo, Fixture
 from surfuse.sensors.can_array import CanArray, Parameters
 
@@ -75,8 +75,9 @@ class ArrayInProcess:
 class ArrayElsewhere:
     """The sensors of a fixture behind a node in another process; see `elsewhere`."""
 
-    def __init__(self, array: CanArray, tether: Tether | None, clock: Clock) -> None:
+    def __init__(self, array: CanArray, tether: Tether | None, clock: Clock, sweep_s: float) -> None:
         self._array, self._tether, self._clock, self._open = array, tether, clock, ExitStack()
+        self._sweep_s = sweep_s
 
     def __enter__(self) -> Self:
         with ExitStack() as opening:
@@ -106,7 +107,7 @@ class ArrayElsewhere:
         if self._tether is not None:
             self._tether.tell()
         echoes = self._array.sweep()
-        self._clock.advance(_firing_time_s(self.fixture))
+        self._clock.advance(self._sweep_s)
         return echoes
 
 
@@ -125,27 +126,37 @@ class _ArrivalClock:
         self._clock.advance(duration_s)
 
 
-def in_process(fixture: Fixture, sensors: Sequence[RangeSensor], node: int, clock: Clock) -> ArrayInProcess:
+def in_process(
+    fixture: Fixture, sensors: Sequence[RangeSensor], node: int, clock: Clock, volley: Volley, together: bool
+) -> ArrayInProcess:
     """Sensors behind a node in a thread of this process, on a virtual bus that no one else is on.
 
-    `clock` is shared by both ends and the sensors.
+    `clock` is shared by both ends and the sensors; `together` has them sent by `volley` instead of one after the other.
     """
     bus = BusParameters("virtual", f"surfuse-{next(_numbers)}")
-    responder = Responder(sensors, clock, NodeIdentity(node), Catalogue())
-    host = Parameters(bus=bus, node=node, patience=Patience(silence_limit_s=_SIMULATED_SILENCE_S))
+    responder = Responder(sensors, clock, NodeIdentity(node), Catalogue(), volley=volley)
+    patience = Patience(silence_limit_s=_SIMULATED_SILENCE_S)
+    host = Parameters(bus=bus, node=node, patience=patience, together=together)
     return ArrayInProcess(
         Node(responder, BusLink(_opener(bus), clock, Tally())), _can_array(fixture, host, clock, clock)
     )
 
 
 def elsewhere(
-    fixture: Fixture, bus: BusParameters, node: int, connect_timeout_s: float, tether: Tether | None, clock: Clock
+    fixture: Fixture,
+    bus: BusParameters,
+    node: int,
+    connect_timeout_s: float,
+    tether: Tether | None,
+    clock: Clock,
+    together: bool,
 ) -> ArrayElsewhere:
     """Sensors behind a node in another process; `tether` is for a node whose sensors are simulated."""
     patience = Patience(silence_limit_s=_SIMULATED_SILENCE_S, connect_timeout_s=connect_timeout_s)
-    sweep_s = _REAL_SWEEP_S if tether is None else _firing_time_s(fixture)
-    host = Parameters(bus=bus, node=node, patience=patience)
-    return ArrayElsewhere(_can_array(fixture, host, clock, _ArrivalClock(clock, sweep_s)), tether, clock)
+    sweep_s = _firing_time_s(fixture, together)
+    arrivals = _ArrivalClock(clock, _REAL_SWEEP_S if tether is None else sweep_s)
+    host = Parameters(bus=bus, node=node, patience=patience, together=together)
+    return ArrayElsewhere(_can_array(fixture, host, clock, arrivals), tether, clock, sweep_s)
 
 
 def _can_array(fixture: Fixture, parameters: Parameters, clock: Clock, arrivals: Clock) -> CanArray:
@@ -157,6 +168,7 @@ def _opener(bus: BusParameters) -> OpenBus:
     return lambda: open_bus(bus)
 
 
-def _firing_time_s(fixture: Fixture) -> float:
+def _firing_time_s(fixture: Fixture, together: bool) -> float:
     """How long a sweep takes."""
-    return sum(spec.firing_time_s for spec in fixture.specs)
+    times_s = [spec.firing_time_s for spec in fixture.specs]
+    return max(times_s) if together else sum(times_s)

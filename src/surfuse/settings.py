@@ -133,7 +133,7 @@ class ArraySettings(Section):
     side_m: float = Field(0.05, ge=0.01, le=0.5, description="side of the square, ds")
     pings: int = Field(5, ge=1, le=100, description="emissions averaged for one reading; at most 31 over a bus")
     trigger: Literal["sequential", "simultaneous"] = Field(
-        "sequential", description="simultaneous: all send at once and hear each other; only with bus.interface = 'none'"
+        "sequential", description="simultaneous: all send at the same moment and hear each other"
     )
 
 
@@ -215,12 +215,6 @@ class Settings(Section):
             raise ConfigError(
                 f"array.pings = {self.array.pings}, a reading on the bus counts at most {BUS_PINGS_LIMIT}",
                 cure="give fewer, or bus.interface = 'none'",
-            )
-        if self.array.trigger != "sequential":
-            raise ConfigError(
-                f"array.trigger = '{self.array.trigger}' with bus.interface = '{self.bus.interface}': "
-                "the node fires one sensor after the other",
-                cure="set bus.interface = 'none'",
             )
         return self
 

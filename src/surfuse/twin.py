@@ -84,8 +84,8 @@ def build_cell(settings: Settings) -> Cell:
     def place() -> Place:
         return Place(stop.stage, stop.index, clock.now_s(), arm.true_tool_pose())
 
-    together = SimultaneousArray(fixture, world, arm.true_tool_pose, clock, settings.array.pings)
-    array = together if settings.array.trigger == "simultaneous" else _array(settings, fixture, sensors, clock, place)
+    together = fired_together(settings, fixture, world, arm.true_tool_pose, clock)
+    array = _array(settings, fixture, sensors, together, clock, place)
     truth = Truth(*part.mesh())
     return Cell(
         clock=clock,
@@ -126,9 +126,19 @@ def array_sensors(
         return found
 
     return tuple(
-        simulated_sensor.create(spec, world, partial(placed, index), clock, settings.array.pings)
+        simulated_sensor.create(
+            spec, world, partial(placed, index), clock, settings.array.pings, sample_rate_hz=settings.kit.sample_rate_hz
+        )
         for index, spec in enumerate(fixture.specs)
     )
+
+
+def fired_together(
+    settings: Settings, fixture: Fixture, world: Twin, world_from_grip: Callable[[], FloatArray], clock: Clock
+) -> SimultaneousArray:
+    """The simulated sensors of the array as they send at the same moment."""
+    rate_hz = settings.kit.sample_rate_hz
+    return SimultaneousArray(fixture, world, world_from_grip, clock, settings.array.pings, rate_hz)
 
 
 def bus_parameters(bus: BusSettings) -> BusParameters:
@@ -150,17 +160,18 @@ def _array(
     settings: Settings,
     fixture: Fixture,
     sensors: tuple[RangeSensor, ...],
+    together: SimultaneousArray,
     clock: Clock,
     place: Callable[[], Place],
-) -> sequential.SequentialArray | ArrayInProcess | ArrayElsewhere:
+) -> sequential.SequentialArray | SimultaneousArray | ArrayInProcess | ArrayElsewhere:
     """The sensors behind the configured bus."""
-    bus = settings.bus
+    bus, at_once = settings.bus, settings.array.trigger == "simultaneous"
     if bus.interface == NO_BUS:
-        return sequential.create(fixture, sensors)
+        return together if at_once else sequential.create(fixture, sensors)
     if bus.interface == "virtual":
-        return in_process(fixture, sensors, bus.node, clock)
+        return in_process(fixture, sensors, bus.node, clock, together.volley, at_once)
     tether = HostEnd(bus.tether_port, settings.model_dump(), place) if bus.tether_port else None
-    return elsewhere(fixture, bus_parameters(bus), bus.node, bus.connect_timeout_s, tether, clock)
+    return elsewhere(fixture, bus_parameters(bus), bus.node, bus.connect_timeout_s, tether, clock, at_once)
 
 
 def square_fixture(settings: Settings) -> Fixture:

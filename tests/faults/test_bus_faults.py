@@ -540,7 +540,7 @@ def test_frames_of_another_node_are_foreign():
         echoes = array.sweep()
     assert [echo.range_m for echo in echoes] == [sensor.last.range_m for sensor in rig.sensors]
     assert array.counters.foreign == 9
-    assert array.heartbeat == Heartbeat(1, NodeState.STARTING, 1, 0, 0, 1, 0, 1)
+    assert array.heartbeat == Heartbeat(1, NodeState.STARTING, 1, 0, 0, 1, 1, 1)
 
 
 def test_sequence_numbers_go_round_and_memory_stays():

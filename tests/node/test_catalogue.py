@@ -81,7 +81,7 @@ ECHOES = st.builds(
     ATTEMPT,
 )
 OTHERS = st.one_of(
-    st.builds(Trigger, NODE, BYTE, ATTEMPT, MASK, MASK),
+    st.builds(Trigger, NODE, BYTE, ATTEMPT, MASK, MASK, st.integers(0, 1)),
     st.builds(Acknowledge, NODE, BYTE, BYTE, st.sampled_from(Subject), st.sampled_from(Result), ATTEMPT, MASK),
     st.builds(Query, NODE, BYTE, MASK),
     st.builds(FaultReport, NODE, BYTE, BYTE, st.sampled_from(FaultCode), st.integers(0, 15), MASK),

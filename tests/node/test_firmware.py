@@ -7,12 +7,25 @@ import time
 import pytest
 
 from surfuse.errors import ConfigError, DeviceError
+from surfuse.node.averaging import average_echoes
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import BusCounters, Event, Tally
 from surfuse.node.firmware import MonotonicClock, Node, run
 from surfuse.node.link import BusLink, BusParameters, open_bus
-from surfuse.node.messages import Acknowledge, Frame, Heartbeat, NodeState, Query, Reading, Result, Trigger
+from surfuse.node.messages import (
+    Acknowledge,
+    FaultCode,
+    FaultReport,
+    Frame,
+    Heartbeat,
+    NodeState,
+    Query,
+    Reading,
+    Result,
+    Trigger,
+)
 from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.node.volley import ThreadedVolley
 from surfuse.node.watch import NodeWatch, Verdict
 from surfuse.records import Echo, SensorSpec, Status
 
@@ -52,7 +65,7 @@ def heard(end, number, limit_s=5.0):
 def test_a_node_shows_signs_of_life_by_itself_and_when_asked():
     with link("signs_of_life") as end, Node(responder(), link("signs_of_life"), heartbeat_s=0.05):
         first, second = heard(end, 2)
-        assert first == second == Heartbeat(1, NodeState.STARTING, 5, 0, 0, 1, 0, 77)
+        assert first == second == Heartbeat(1, NodeState.STARTING, 5, 0, 0, 1, 1, 77)
     with link("asked") as end, Node(responder(), link("asked"), heartbeat_s=100.0):
         heard(end, 1)
         end.send(CATALOGUE.encode(Query(1, 0, 0)))
@@ -93,6 +106,69 @@ def test_a_repeated_trigger_does_not_fire_again():
     assert len(fired) == 1
     assert again[1] == first[1]._replace(attempt=1)
     assert again[2] == first[2]._replace(attempt=1, accepted=0)
+
+
+def messages_of(node, *trigger):
+    return [CATALOGUE.decode(frame) for frame in node.answer(CATALOGUE.encode(Trigger(*trigger)))]
+
+
+def test_all_sensors_are_in_the_air_at_once_when_the_trigger_says_so():
+    flying, most = set(), []
+    everyone = threading.Barrier(2, timeout=5.0)
+
+    class Meeting(Ranger):
+        def fire(self):
+            flying.add(self)
+            everyone.wait()  # returns only when the other one is in the air too
+            most.append(len(flying))
+            everyone.wait()
+            flying.discard(self)
+            return Echo(0.5, Status.OK, CLOCK.now_s(), 0.5, 0.001, 4)
+
+    sensors = [Meeting(), Meeting()]
+    air = threading.Lock()
+    node = Responder(sensors, CLOCK, NodeIdentity(), CATALOGUE, air=air, volley=ThreadedVolley(sensors))
+    told = messages_of(node, 1, 3, 0, 0b11, 0, 1)
+    assert [message.result for message in told if isinstance(message, Acknowledge)] == [Result.ACCEPTED, Result.DONE]
+    assert [message.status for message in told if isinstance(message, Reading)] == [Status.OK, Status.OK]
+    assert most == [2, 2]
+    # Asked again, the kept answers come; the same volley is never fired twice.
+    again = messages_of(node, 1, 3, 1, 0b11, 0, 1)
+    assert len(most) == 2
+    assert sum(isinstance(message, Reading) for message in again) == 2
+
+
+def test_a_sensor_that_fails_in_a_volley_is_a_fault_and_the_others_answer():
+    class Broken(Ranger):
+        def fire(self):
+            raise OSError("unplugged")
+
+    sensors = [Broken(), Ranger()]
+    node = Responder(sensors, CLOCK, NodeIdentity(), CATALOGUE, volley=ThreadedVolley(sensors))
+    told = messages_of(node, 1, 3, 0, 0b11, 0, 1)
+    assert [message.code for message in told if isinstance(message, FaultReport)] == [FaultCode.SENSOR_FAILED]
+    assert [message.status for message in told if isinstance(message, Reading)] == [Status.FAULT, Status.NO_ECHO]
+
+
+def test_several_volleys_are_averaged_for_each_sensor():
+    sensors, volleys = [Ranger(), Ranger()], []
+
+    def volley(numbers):
+        volleys.append(list(numbers))
+        return [Echo(0.5 + 0.1 * number + 0.01 * len(volleys), Status.OK, CLOCK.now_s()) for number in numbers]
+
+    node = Responder(sensors, CLOCK, NodeIdentity(), CATALOGUE, pings=3, average=average_echoes, volley=volley)
+    told = messages_of(node, 1, 3, 0, 0b11, 0, 1)
+    assert volleys == [[0, 1]] * 3
+    ranges = [message.range_m for message in told if isinstance(message, Reading)]
+    assert ranges == pytest.approx([0.52, 0.62])
+
+
+def test_a_node_that_can_only_fire_in_turn_refuses_to_fire_together():
+    told = messages_of(responder(), 1, 3, 0, 0b11, 0, 1)
+    first = next(message for message in told if isinstance(message, Acknowledge))
+    assert (first.result, first.sensors) == (Result.REFUSED, 0b11)
+    assert not any(isinstance(message, Reading) for message in told)
 
 
 def test_run_serves_until_it_is_told_to_stop():

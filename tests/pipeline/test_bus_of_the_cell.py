@@ -53,6 +53,19 @@ def test_the_bus_changes_no_number_and_times_by_no_more_than_its_microseconds():
     assert plain.clock.now_s() == bus.clock.now_s()
 
 
+def test_fired_together_over_the_bus_is_the_same_as_without_it_and_not_the_same_as_in_turn():
+    at_once = "array.trigger=simultaneous"
+    plain, bus, in_turn = cell_with("bus.interface=none", at_once), cell_with(at_once), cell_with()
+    over_none, over_bus = sweeps_of(plain), sweeps_of(bus)
+    np.testing.assert_array_equal(numbers(over_none), numbers(over_bus))
+    assert plain.clock.now_s() == bus.clock.now_s()
+    for sweep in over_bus:
+        assert {echo.t_s for echo in sweep} == {sweep[0].t_s}
+    alone = sweeps_of(in_turn)
+    assert np.all(numbers(over_bus)[..., 2] > 1.05 * numbers(alone)[..., 2])  # the neighbours' bursts are heard too
+    assert asdict(bus.counters())["too_fast"] == 0
+
+
 def test_counters_are_those_of_the_sweeps_and_a_clean_bus_is_no_event():
     cell = cell_with()
     sweeps_of(cell)
@@ -93,11 +106,10 @@ def test_two_cells_at_once_do_not_hear_each_other():
     assert asdict(one.counters())["unsolicited"] == asdict(two.counters())["unsolicited"] == 0
 
 
-@pytest.mark.parametrize("override", ["array.pings=32", "array.trigger=simultaneous"])
-def test_what_the_bus_cannot_do_is_refused_with_a_cure(override):
+def test_what_the_bus_cannot_do_is_refused_with_a_cure():
     with pytest.raises(ConfigError, match=r"bus\.interface = 'none'"):
-        load(None, [override])
-    load(None, [override, "bus.interface=none"])
+        load(None, ["array.pings=32"])
+    load(None, ["array.pings=32", "bus.interface=none"])
 
 
 def test_an_unknown_bus_is_refused_before_anything_moves():

@@ -66,6 +66,8 @@ def test_a_node_in_another_process_gives_the_same_numbers_and_ends_cleanly():
         assert "4 simulated sensors" in process.stderr.readline()
         over_udp = readings("bus.interface=udp_multicast", f"bus.port={PORT}", f"bus.tether_port={TETHER}")
         again = readings("bus.interface=udp_multicast", f"bus.port={PORT}", f"bus.tether_port={TETHER}")
+        udp = ("bus.interface=udp_multicast", f"bus.port={PORT}", f"bus.tether_port={TETHER}")
+        together = readings("array.trigger=simultaneous", *udp)
     finally:
         process.send_signal(signal.SIGINT)
         printed, errors = process.communicate(timeout=20)
@@ -74,6 +76,9 @@ def test_a_node_in_another_process_gives_the_same_numbers_and_ends_cleanly():
     plain = readings("bus.interface=none")
     np.testing.assert_array_equal(np.array(over_udp), np.array(plain))
     np.testing.assert_array_equal(np.array(again), np.array(plain))
+    plain_together = readings("array.trigger=simultaneous", "bus.interface=none")
+    np.testing.assert_array_equal(np.array(together), np.array(plain_together))
+    assert together != over_udp
 
 
 def place():

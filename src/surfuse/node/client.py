@@ -49,7 +49,7 @@ class NodeClient:
     node : its address, 1 to 7.
     specs : spec of each sensor that is asked, by its number in the node.
     patience : waiting and asking again.
-    wave_speed_max_m_s : see `Exchange`.
+    wave_speed_max_m_s, together : see `Exchange`.
     monotonic_s : measures the waiting, which is real also when `clock` is simulated.
     """
 
@@ -64,9 +64,11 @@ class NodeClient:
         tally: Tally,
         *,
         wave_speed_max_m_s: float = 400.0,
+        together: bool = False,
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._node, self._specs, self._patience, self._speed_m_s = node, specs, patience, wave_speed_max_m_s
+        self._together = together
         self._link, self._catalogue, self._clock, self._tally = link, catalogue, clock, tally
         self._monotonic_s = monotonic_s
         self._epoch = 0
@@ -164,7 +166,8 @@ class NodeClient:
         counts = self._tally.snapshot()
         what = (
             f"no trustworthy answer ({counts.frames} frames received, {counts.unanswered} triggers unanswered, "
-            f"{counts.conflicts} conflicts, {counts.restarts} restarts, {counts.receive_errors} receive errors)"
+            f"{counts.refused} sensors refused, {counts.conflicts} conflicts, {counts.restarts} restarts, "
+            f"{counts.receive_errors} receive errors)"
         )
         return DeviceError(what, cure="check power, wiring, bitrate and id; see `surfuse devices`", where=where)
 
@@ -174,7 +177,8 @@ class NodeClient:
         if len(self._past) > _REMEMBERED_SWEEPS:
             self._past.popleft().close()
         self._sequence = (self._sequence + 1) % 256
-        self._current = Exchange(self._node, self._sequence, self._epoch, self._specs, self._tally, self._speed_m_s)
+        who = self._node, self._sequence, self._epoch, self._specs, self._tally
+        self._current = Exchange(*who, self._speed_m_s, self._together)
         return self._current
 
     def _listen(self, exchange: Exchange, wait_s: float) -> None:

@@ -41,6 +41,7 @@ class Exchange:
     specs : spec of each sensor by its number in the node.
     tally : where events are counted.
     wave_speed_max_m_s : no echo of an ultrasonic sensor is faster; 400 m/s is air at 125 degrees Celsius.
+    together : have all sensors send at the same moment instead of one after the other.
     """
 
     def __init__(
@@ -51,10 +52,11 @@ class Exchange:
         specs: dict[int, SensorSpec],
         tally: Tally,
         wave_speed_max_m_s: float = 400.0,
+        together: bool = False,
     ) -> None:
         self.sequence = sequence
         self._node, self._epoch, self._specs, self._tally = node, epoch, specs, tally
-        self._speed_m_s = wave_speed_max_m_s
+        self._speed_m_s, self._together = wave_speed_max_m_s, together
         self._attempts: list[_Attempt] = []
         self._readings: dict[int, tuple[Reading, float]] = {}
         self._details: dict[int, EchoDetail] = {}
@@ -95,7 +97,8 @@ class Exchange:
         attempt = _Attempt(now_s, self.missing)
         self._attempts.append(attempt)
         self._tally.add(Event.TRIGGERS if len(self._attempts) == 1 else Event.RETRIGGERS)
-        return Trigger(self._node, self.sequence, len(self._attempts) - 1, attempt.sensors, self._epoch)
+        number = len(self._attempts) - 1
+        return Trigger(self._node, self.sequence, number, attempt.sensors, self._epoch, int(self._together))
 
     def accept(self, message: Reading | EchoDetail | Acknowledge, arrival_s: float) -> None:
         """Take in one message of this sequence; its session is already known to be the right one."""

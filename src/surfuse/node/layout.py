@@ -41,7 +41,7 @@ _NAMES = {
 }
 _SIGNALS: dict[Function, tuple[str, ...]] = {
     Function.FAULT: ("sequence", "session", "code", "sensor", "detail"),
-    Function.TRIGGER: ("sequence", "attempt", "sensors", "epoch"),
+    Function.TRIGGER: ("sequence", "attempt", "sensors", "epoch", "together"),
     Function.ACKNOWLEDGE: ("sequence", "session", "subject", "result", "attempt", "sensors"),
     Function.READING: ("sequence", "session", "status", "count", "range", "spread", "attempt"),
     Function.ECHO: ("sequence", "session", "time", "attempt", "accepted", "amplitude"),

@@ -84,13 +84,14 @@ class Frame(NamedTuple):
 
 
 class Trigger(NamedTuple):
-    """Fire the sensors of the mask, or send their answers of this sequence again."""
+    """Fire the sensors of the mask, or send their answers of this sequence again; `together` 1: all at one moment."""
 
     node: int
     sequence: int
     attempt: int
     sensors: int
     epoch: int
+    together: int = 0
 
 
 class Acknowledge(NamedTuple):

@@ -36,11 +36,12 @@ from surfuse.node.messages import (
 )
 from surfuse.records import Echo, Status
 
-VERSION = (1, 0)
+VERSION = (1, 1)
 _US_PER_S = 1e6
 _WRONG_NUMBER = Echo(range_m=math.nan, status=Status.FAULT, t_s=math.nan, count=0)
 
 Average = Callable[[Sequence[Echo]], Echo]
+Volley = Callable[[Sequence[int]], Sequence[Echo | None]]
 Configure = Callable[[int, KitSettings], None]
 
 
@@ -79,6 +80,8 @@ class Responder:
     configure : takes the kit parameters of one sensor; raises a `SurfuseError` to refuse. None: only `pings` is heeded,
         and only with an average.
     air : held while a sensor is in the air; share it among nodes that hear each other.
+    volley : has the sensors of these numbers send at the same moment; None for one that failed. None: the node can
+        only fire one after the other, and refuses triggers that ask for more.
     """
 
     def __init__(
@@ -92,6 +95,7 @@ class Responder:
         average: Average | None = None,
         configure: Configure | None = None,
         air: threading.Lock | None = None,
+        volley: Volley | None = None,
     ) -> None:
         if not 1 <= len(sensors) <= MAX_SENSORS:
             raise ConfigError(f"a node with {len(sensors)} sensors", cure=f"give 1 to {MAX_SENSORS}")
@@ -105,6 +109,7 @@ class Responder:
         self._average = average
         self._configure = configure
         self._air = air or threading.Lock()
+        self._volley = volley
         self._epoch: int | None = None
         self._sequence = 0
         self._accepted = 0
@@ -146,6 +151,8 @@ class Responder:
             yield self._acknowledge(Subject.TRIGGER, trigger.sequence, Result.STALE, trigger.attempt, trigger.sensors)
             return
         absent = trigger.sensors >> len(self._sensors) << len(self._sensors)
+        if trigger.together and self._volley is None:
+            absent = trigger.sensors
         if absent:
             yield self._acknowledge(Subject.TRIGGER, trigger.sequence, Result.REFUSED, trigger.attempt, absent)
         repeated = not fresh and ahead == 0
@@ -155,41 +162,66 @@ class Responder:
         sensors = trigger.sensors & ~absent
         result = Result.REPEATED if repeated else Result.ACCEPTED
         yield self._acknowledge(Subject.TRIGGER, trigger.sequence, result, trigger.attempt, sensors)
-        for sensor in range(len(self._sensors)):
-            if sensors >> sensor & 1:
-                yield from self._send(sensor, trigger.attempt)
+        asked = [sensor for sensor in range(len(self._sensors)) if sensors >> sensor & 1]
+        if trigger.together:
+            yield from self._fire_together([sensor for sensor in asked if sensor not in self._answers])
+        for sensor in asked:
+            yield from self._send(sensor, trigger.attempt)
         self.state = NodeState.READY
         yield self._acknowledge(Subject.TRIGGER, trigger.sequence, Result.DONE, trigger.attempt, sensors)
 
     def _send(self, sensor: int, attempt: int) -> Iterator[Frame]:
         if sensor not in self._answers:
             self.state = NodeState.FIRING
-            echo, code = self._fire(sensor)
-            try:
-                self._answers[sensor] = self._told(sensor, echo)
-                self._encoded(sensor, attempt)
-            except DataError:
-                echo, code = _WRONG_NUMBER, FaultCode.VALUE_OUT_OF_RANGE
-                self._answers[sensor] = self._told(sensor, echo)
-            if code is not None:
-                yield self._fault(self._sequence, code, sensor, 0)
+            yield from self._keep(sensor, self._fire(sensor))
         yield from self._encoded(sensor, attempt)
+
+    def _keep(self, sensor: int, echo: Echo | None) -> Iterator[Frame]:
+        """Keep an answer (None: the sensor failed) to be sent as often as asked; say so when it is no good."""
+        code = None if echo is not None else FaultCode.SENSOR_FAILED
+        try:
+            self._answers[sensor] = self._told(sensor, echo or _WRONG_NUMBER)
+            self._encoded(sensor, 0)
+        except DataError:
+            code = FaultCode.VALUE_OUT_OF_RANGE
+            self._answers[sensor] = self._told(sensor, _WRONG_NUMBER)
+        if code is not None:
+            yield self._fault(self._sequence, code, sensor, 0)
 
     def _encoded(self, sensor: int, attempt: int) -> tuple[Frame, Frame]:
         reading, detail = self._answers[sensor]
         encode = self._catalogue.encode
         return encode(reading._replace(attempt=attempt)), encode(detail._replace(attempt=attempt))
 
-    def _fire(self, sensor: int) -> tuple[Echo, FaultCode | None]:
-        """One averaged answer; only one sensor of the node is in the air at a time."""
-        pings = self._pings[sensor]
+    def _fire(self, sensor: int) -> Echo | None:
+        """One averaged answer, None of a sensor that failed; only one of the node is in the air at a time."""
         with self._air:
             try:
-                echoes = [self._sensors[sensor].fire() for _ in range(pings)]
-                echo = echoes[0] if self._average is None else self._average(echoes)
+                echoes = [self._sensors[sensor].fire() for _ in range(self._pings[sensor])]
             except Exception:  # a driver is foreign code: whatever breaks in it must not stop the node
-                return _WRONG_NUMBER, FaultCode.SENSOR_FAILED
-        return echo, None
+                return None
+        return self._averaged(echoes)
+
+    def _fire_together(self, sensors: list[int]) -> Iterator[Frame]:
+        """One averaged answer of each, all in the air at the same moments."""
+        if not sensors or self._volley is None:
+            return
+        self.state = NodeState.FIRING
+        with self._air:
+            volleys = [self._volley(sensors) for _ in range(max(self._pings[sensor] for sensor in sensors))]
+        for place, sensor in enumerate(sensors):
+            echoes = [volley[place] for volley in volleys[: self._pings[sensor]]]
+            yield from self._keep(sensor, self._averaged(echoes))
+
+    def _averaged(self, echoes: Sequence[Echo | None]) -> Echo | None:
+        """One answer of several; None when one of them failed."""
+        heard = [echo for echo in echoes if echo is not None]
+        if len(heard) < len(echoes):
+            return None
+        try:
+            return heard[0] if self._average is None else self._average(heard)
+        except SurfuseError:
+            return None
 
     def _told(self, sensor: int, echo: Echo) -> tuple[Reading, EchoDetail]:
         """An echo in the words of the bus."""

@@ -21,12 +21,22 @@ from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
 from surfuse.node.firmware import MonotonicClock, run
 from surfuse.node.link import BusLink, open_bus
-from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.node.responder import Average, NodeIdentity, Responder, Volley
+from surfuse.node.volley import ThreadedVolley
 from surfuse.pipeline.outcome import Outcome
 from surfuse.records import Echo, FloatArray, SensorSpec
 from surfuse.runs.toml_file import read_toml, refuse_unknown
 from surfuse.settings import BUS_PINGS_LIMIT, BusSettings, from_tree
-from surfuse.twin import SimulatedClock, array_sensors, array_spec, build_world, bus_parameters, square_fixture
+from surfuse.simultaneous import SimultaneousArray
+from surfuse.twin import (
+    SimulatedClock,
+    array_sensors,
+    array_spec,
+    build_world,
+    bus_parameters,
+    fired_together,
+    square_fixture,
+)
 from surfuse.world.tether import NodeEnd, Place
 from surfuse.world.twin import Twin
 
@@ -62,17 +72,21 @@ def node(
     chosen = read_node_file(file, options)
     tally, bus = Tally(), bus_parameters(chosen.bus)
     identity = NodeIdentity(chosen.bus.node, uuid.getnode() % _UID_LIMIT, secrets.randbelow(_SESSIONS))
+    average: Average | None = None
+    pings = 1
     with ExitStack() as opening:
         if chosen.sensors:
             clock: Clock = MonotonicClock()
             sensors: Sequence[RangeSensor] = [opening.enter_context(_own(*sensor)) for sensor in chosen.sensors]
-            responder = Responder(sensors, clock, identity, Catalogue(), pings=chosen.pings, average=average_echoes)
+            volley: Volley = ThreadedVolley(sensors)
+            pings, average = chosen.pings, average_echoes
         else:
             simulated = TetheredSensors()
             clock, sensors = simulated.clock, simulated.sensors
             if chosen.bus.tether_port:
                 opening.enter_context(NodeEnd(chosen.bus.tether_port, simulated.configure, simulated.move))
-            responder = Responder(sensors, clock, identity, Catalogue())
+            volley = simulated.volley
+        responder = Responder(sensors, clock, identity, Catalogue(), pings=pings, average=average, volley=volley)
         kind = "own" if chosen.sensors else "simulated"
         say(f"node {identity.node} on {bus.interface} {bus.channel}: {len(sensors)} {kind} sensors; Ctrl-C ends it")
         run(responder, BusLink(lambda: open_bus(bus), MonotonicClock(), tally), stop)
@@ -163,6 +177,7 @@ class TetheredSensors:
         self.clock = SimulatedClock()
         self._world: Twin | None = None
         self._fired: tuple[RangeSensor, ...] = ()
+        self._together: SimultaneousArray | None = None
         self._world_from_grip: FloatArray | None = None
 
     def configure(self, tree: Mapping[str, object]) -> None:
@@ -170,7 +185,9 @@ class TetheredSensors:
         settings = from_tree(tree, "configuration of the host")
         self._world, _ = build_world(settings)
         self._world_from_grip = None
-        self._fired = array_sensors(settings, square_fixture(settings), self._world, self._grip, self.clock)
+        fixture = square_fixture(settings)
+        self._together = fired_together(settings, fixture, self._world, self._grip, self.clock)
+        self._fired = array_sensors(settings, fixture, self._world, self._grip, self.clock)
 
     def move(self, place: Place) -> None:
         """Take the arm's true place."""
@@ -185,6 +202,12 @@ class TetheredSensors:
         if not self._fired:
             raise DeviceError("no host has said where the sensors are", cure="run `surfuse acquire --node udp`")
         return self._fired[index].fire()
+
+    def volley(self, numbers: Sequence[int]) -> Sequence[Echo | None]:
+        """One reading of each of these sensors, all at the same moment; None before a host has told all it must."""
+        if self._together is None or self._world_from_grip is None:
+            return (None,) * len(numbers)
+        return self._together.volley(numbers)
 
     def _grip(self) -> FloatArray:
         if self._world_from_grip is None:

@@ -31,6 +31,7 @@ class Parameters:
     patience : waiting and asking again; give a simulated node a `silence_limit_s` of a minute.
     wave_speed_max_m_s : no ultrasonic echo is faster; answers that would need it are refused.
     catalogue : a DBC file; None: the one of this package.
+    together : have all sensors send at the same moment, so that they hear each other, instead of one after the other.
     """
 
     bus: BusParameters = field(default_factory=BusParameters)
@@ -39,6 +40,7 @@ class Parameters:
     patience: Patience = field(default_factory=Patience)
     wave_speed_max_m_s: float = 400.0
     catalogue: Path | None = None
+    together: bool = False
 
     def __post_init__(self) -> None:
         if not 1 <= self.node <= 7:
@@ -86,6 +88,7 @@ class CanArray:
             clock,
             tally,
             wave_speed_max_m_s=parameters.wave_speed_max_m_s,
+            together=parameters.together,
             monotonic_s=monotonic_s,
         )
         self._lost_sweeps = 0

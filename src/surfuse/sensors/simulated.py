@@ -25,6 +25,7 @@ class SimulatedSensor(AlwaysOpen):
     pings : emissions averaged for one reading.
     ping_period_s : time between them, each from where the sensor then is; 0 for a sensor that stands still, all of
         whose pings come from one pose.
+    sample_rate_hz : rate of the clock that counts the times of flight.
     """
 
     def __init__(
@@ -35,6 +36,7 @@ class SimulatedSensor(AlwaysOpen):
         clock: Clock,
         pings: int,
         ping_period_s: float = 0.0,
+        sample_rate_hz: float = 1e6,
     ) -> None:
         if not 1 <= pings <= 1000:
             raise ConfigError(f"sensor '{spec.name}': pings = {pings}", cure="give 1 to 1000")
@@ -45,7 +47,7 @@ class SimulatedSensor(AlwaysOpen):
                 cure="give fewer pings or a longer firing time",
             )
         self._ping_period_s = ping_period_s
-        self._averaging = averaging_of(spec)
+        self._averaging = averaging_of(spec, sample_rate_hz)
 
     @property
     def spec(self) -> SensorSpec:
@@ -79,6 +81,7 @@ def create(
     clock: Clock,
     pings: int = 5,
     ping_period_s: float = 0.0,
+    sample_rate_hz: float = 1e6,
 ) -> SimulatedSensor:
     """A ranger with any spec in the twin; the other arguments as in `SimulatedSensor`."""
-    return SimulatedSensor(spec, world, pose, clock, pings, ping_period_s)
+    return SimulatedSensor(spec, world, pose, clock, pings, ping_period_s, sample_rate_hz)
