@@ -18,7 +18,8 @@ from surfuse.motion.body import body_of, fixture_capsules
 from surfuse.motion.clearance import ClearanceModel
 from surfuse.motion.control.computed_torque import ComputedTorque
 from surfuse.motion.obstacles import Obstacle
-from surfuse.motion.planners import slowed, torque_limited, trapezoidal
+from surfuse.motion.own_links import own_links, separable_pairs
+from surfuse.motion.planners import LinePlanner, slowed, through_lines, torque_limited, trapezoidal
 from surfuse.records import Fixture
 from surfuse.servo_twin import ServoTwinArm, build_servo_arm, known_model
 from surfuse.settings import Settings
@@ -33,6 +34,7 @@ class ArmInCell:
     arm: TwinArm
     model: ArmModel
     clearance: Callable[[tuple[Obstacle, ...]], ClearanceModel]
+    line_planner: Callable[[float], LinePlanner]
 
 
 def arm_in_cell(settings: Settings, fixture: Fixture, world: World, clock: Clock) -> ArmInCell:
@@ -49,7 +51,13 @@ def arm_in_cell(settings: Settings, fixture: Fixture, world: World, clock: Clock
     else:
         motion = simulated.Parameters(settings.arm.settle_s, settings.arm.speed_share, model.encoder_rad_per_count)
         arm = simulated.create(model.kinematics, world, clock, model.limits, model.ready_rad, motion)
-    return ArmInCell(arm, model, partial(_clearance, model, fixture, settings.kit.tube_length_m))
+    dynamics = known_model(settings.arm.fixture_kg) if settings.arm.driven_by == "trident" else None
+    return ArmInCell(
+        arm,
+        model,
+        partial(_clearance, model, fixture, settings.kit.tube_length_m),
+        partial(through_lines, model.kinematics, slowed(model.limits, settings.arm.speed_share), dynamics),
+    )
 
 
 def arm_model(settings: Settings, fixture: Fixture) -> ArmModel:
@@ -125,5 +133,8 @@ def puma560_kinematics(settings: Settings) -> puma560.Puma560:
 def _clearance(
     model: ArmModel, fixture: Fixture, tube_length_m: float, obstacles: tuple[Obstacle, ...]
 ) -> ClearanceModel:
-    tubes = fixture_capsules(fixture, model.tool_link, tube_length_m)
-    return ClearanceModel(model.link_poses, body_of([*model.capsules, *tubes]), (*model.around, *obstacles))
+    rods = (*model.capsules, *fixture_capsules(fixture, model.tool_link, tube_length_m))
+    own = own_links(
+        rods, separable_pairs(rods, model.link_poses, model.limits.lower_rad, model.limits.upper_rad, model.ready_rad)
+    )
+    return ClearanceModel(model.link_poses, body_of(rods), (*model.around, *obstacles), own)

@@ -6,14 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from surfuse.interfaces import Arm, Kinematics
+from surfuse.interfaces import Kinematics
 from surfuse.motion.body import Capsule
 from surfuse.motion.limits import JointLimits
+from surfuse.motion.moving_arm import MovingArm
 from surfuse.motion.obstacles import Obstacle
 from surfuse.records import FloatArray
 
 
-class TwinArm(Arm, Protocol):
+class TwinArm(MovingArm, Protocol):
     """An arm of the twin: it also says where its links truly are, for the simulated devices that ride on it."""
 
     @property

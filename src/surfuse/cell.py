@@ -11,7 +11,9 @@ import numpy as np
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.interfaces import Arm, Camera, Clock, RangeArray, RangeSensor
 from surfuse.motion.clearance import ClearanceModel
+from surfuse.motion.moving_arm import MovingArm
 from surfuse.motion.obstacles import Obstacle
+from surfuse.motion.planners import LinePlanner
 from surfuse.node.counters import BusCounters
 from surfuse.records import CameraFrame, FloatArray, IntArray, SensorSpec
 
@@ -25,6 +27,14 @@ class Truth:
 
 
 @dataclass(frozen=True)
+class SmoothMotion:
+    """The arm as one that other devices are used on while it moves, and its planner for a speed of the tool (m/s)."""
+
+    arm: MovingArm
+    planner: Callable[[float], LinePlanner]
+
+
+@dataclass(frozen=True)
 class Cell:
     """Devices and their known places.
 
@@ -32,7 +42,7 @@ class Cell:
     `shoulder_from_ranger` (4, 4) are poses in the frame that turns with joint 1 (origin on the floor, x outwards,
     z up). `clearance` makes the collision check for a list of obstacles. `begin` tells a twin which stop comes next;
     a real cell ignores it. `truth` is None in a real cell. `counters` counts what happened on the bus between host and
-    array (None: there is no bus).
+    array (None: there is no bus). `smooth` is what a pass without stops needs (None: the arm must stand to be used).
     """
 
     clock: Clock
@@ -49,6 +59,7 @@ class Cell:
     truth: Truth | None = None
     warnings: tuple[str, ...] = ()
     counters: Callable[[], BusCounters] | None = None
+    smooth: SmoothMotion | None = None
 
     @property
     def specs(self) -> tuple[SensorSpec, ...]:

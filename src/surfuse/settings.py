@@ -181,6 +181,13 @@ class ScanSettings(Section):
     standoff_m: Length = 0.43
     margin_m: float = Field(0.02, ge=0.0, le=0.5)
     step_m: float | None = Field(None, gt=0.0, le=0.5, description="default: a fifth of the array's side")
+    mode: Literal["stops", "smooth"] = Field(
+        "stops", description="stops: the arm rests at every stop; smooth: the array fires while the arm moves"
+    )
+    pings_moving: int = Field(1, ge=1, le=31, description="emissions averaged for one reading while the arm moves")
+    speed_m_s: float | None = Field(
+        None, gt=0.0, le=1.0, description="speed of the array in a smooth pass; default: one sweep a step"
+    )
 
 
 class FusionSettings(Section):
@@ -206,6 +213,21 @@ class Settings(Section):
     air: AirSettings = AirSettings()
     scan: ScanSettings = ScanSettings()
     fusion: FusionSettings = FusionSettings()
+
+    @property
+    def pings(self) -> int:
+        """Emissions averaged for one reading of the array."""
+        return self.array.pings if self.scan.mode == "stops" else self.scan.pings_moving
+
+    @model_validator(mode="after")
+    def _can_be_told_where_it_is(self) -> Self:
+        if self.scan.mode == "smooth" and self.bus.interface not in (NO_BUS, "virtual"):
+            raise ConfigError(
+                f"scan.mode = 'smooth' with bus.interface = '{self.bus.interface}': a simulated node in another "
+                "process is told where the arm is once a sweep",
+                cure="set bus.interface = 'virtual', or scan.mode = 'stops'",
+            )
+        return self
 
     @model_validator(mode="after")
     def _fits_the_bus(self) -> Self:

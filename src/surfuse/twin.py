@@ -11,7 +11,7 @@ import numpy as np
 from surfuse.arm_in_cell import arm_in_cell
 from surfuse.array_on_bus import ArrayElsewhere, ArrayInProcess, elsewhere, in_process
 from surfuse.cameras import simulated as simulated_camera
-from surfuse.cell import Cell, Mount, Truth, world_from_shoulder
+from surfuse.cell import Cell, Mount, SmoothMotion, Truth, world_from_shoulder
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.interfaces import Clock, RangeSensor
@@ -32,6 +32,7 @@ from surfuse.world.tether import HostEnd, Place
 from surfuse.world.twin import Twin, TwinParameters, transducer_of
 
 ARM_REACH_M = 0.86
+PING_PERIOD_S = polaroid.SPEC.firing_time_s / polaroid.Parameters().pings
 NODE_GROUP = "239.74.163.2"
 
 
@@ -104,6 +105,7 @@ def build_cell(settings: Settings) -> Cell:
         truth=truth,
         warnings=part.warnings,
         counters=(lambda: array.counters) if isinstance(array, ArrayInProcess | ArrayElsewhere) else None,
+        smooth=SmoothMotion(arm, mover.line_planner),
     )
 
 
@@ -120,15 +122,15 @@ def array_sensors(
     settings: Settings, fixture: Fixture, world: Twin, world_from_grip: Callable[[], FloatArray], clock: Clock
 ) -> tuple[RangeSensor, ...]:
     """The simulated sensors of the array, wherever the grip truly is when they fire."""
+    between_s = PING_PERIOD_S if settings.scan.mode == "smooth" else 0.0
+    rate_hz = settings.kit.sample_rate_hz
 
     def placed(index: int) -> FloatArray:
         found: FloatArray = world_from_grip() @ fixture.grip_from_sensor[index]
         return found
 
     return tuple(
-        simulated_sensor.create(
-            spec, world, partial(placed, index), clock, settings.array.pings, sample_rate_hz=settings.kit.sample_rate_hz
-        )
+        simulated_sensor.create(spec, world, partial(placed, index), clock, settings.pings, between_s, rate_hz)
         for index, spec in enumerate(fixture.specs)
     )
 
@@ -137,8 +139,7 @@ def fired_together(
     settings: Settings, fixture: Fixture, world: Twin, world_from_grip: Callable[[], FloatArray], clock: Clock
 ) -> SimultaneousArray:
     """The simulated sensors of the array as they send at the same moment."""
-    rate_hz = settings.kit.sample_rate_hz
-    return SimultaneousArray(fixture, world, world_from_grip, clock, settings.array.pings, rate_hz)
+    return SimultaneousArray(fixture, world, world_from_grip, clock, settings.pings, settings.kit.sample_rate_hz)
 
 
 def bus_parameters(bus: BusSettings) -> BusParameters:
@@ -186,7 +187,8 @@ def array_spec(settings: Settings, name: str) -> SensorSpec:
     """A sensor of the array: the transducer in its tube, or bare when the tube has no length."""
     kit = settings.kit
     usual = polaroid.SPEC if kit.tube_length_m > 0.0 else polaroid.BARE_SPEC
-    return replace(_heard_from(usual, settings), name=name, dead_length_m=kit.tube_length_m)
+    firing_s = settings.pings * PING_PERIOD_S
+    return replace(_heard_from(usual, settings), name=name, dead_length_m=kit.tube_length_m, firing_time_s=firing_s)
 
 
 def shoulder_spec(settings: Settings) -> SensorSpec:

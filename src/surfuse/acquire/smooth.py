@@ -12,12 +12,8 @@ from surfuse.acquire.station import sweep_of
 from surfuse.errors import ConfigError, DeviceError
 from surfuse.interfaces import RangeArray
 from surfuse.motion.moving_arm import MovingArm
-from surfuse.motion.trajectory import Trajectory
+from surfuse.motion.planners import LinePlanner
 from surfuse.records import Echo, FloatArray, IntArray, JointSamples, ScanPlan, Sweep
-
-LinePlanner = Callable[[FloatArray], tuple[Trajectory, FloatArray]]
-"""Plans a motion from rest to rest through joint positions (N, J), and says when (N,) it is at each of them."""
-
 
 _CLOCK_ROUNDING_S = 1e-4  # a node tells times in whole microseconds, and its clock is not ours
 
@@ -64,34 +60,37 @@ def smooth_scan(
     on_sweep: Callable[[Sweep, JointSamples], None],
     before_stop: Callable[[int], None],
     parameters: SmoothParameters,
+    bring: Callable[[int], None],
     done: Container[int] = (),
-    start_at: int = 0,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> ScanOutcome:
-    """Run along the lines of a plan, from the one of stop `start_at` on, and fire the array at every stop on the way.
+    """Run along the lines of a plan that have stops left to do, and fire the array at those on the way.
 
-    The arm stands where the line before it ended, or at the first stop. Every line is one motion, planned by `planner`;
-    at its end the arm is at rest for an instant, so a line depends on nothing that ran before. `on_sweep` takes every
-    sweep with the encoder samples since the one before it; each reading carries the pose at its own firing time.
-    Stops in `done` are passed without a sweep. A sweep that fails is left out: nobody can go back for it in time.
-    `should_stop` is asked before every line.
+    Every line is one motion, planned by `planner`, from where the line before it ended (or from the first stop) to its
+    own end. There the arm is at rest for an instant, so a line depends on nothing that ran before; `bring` takes the
+    arm to where the line with a stop begins, whenever the line before it was not run. `on_sweep` takes every sweep with
+    the encoder samples since the one before it; each reading carries the pose at its own firing time. Stops in `done`
+    are passed without a sweep. A sweep that fails is left out: nobody can go back for it in time. `should_stop` is
+    asked before every line.
 
     Raises
     ------
     SafetyStopError : the arm was stopped, or refuses a motion; every sweep before it has been handed on.
     DeviceError : the arm fails, or the array fails too often in a row; the arm has come to rest.
-    ConfigError : the plan has no stop `start_at`.
+    ConfigError : a line cannot be run along.
     """
-    if not 0 <= start_at <= len(plan):
-        raise ConfigError(f"start_at = {start_at}, the plan has {len(plan)} stops", cure="start at one of them")
     began_s = arm.joint_state().t_s
-    missed = 0
+    missed, there = 0, False
     for line in lines_of(plan):
-        if int(line[-1]) < start_at or all(int(stop) in done for stop in line):
+        if all(stop in done for stop in line.tolist()):
+            there = False
             continue
         if should_stop():
             return ScanOutcome(int(line[0]), False, missed, arm.joint_state().t_s - began_s)
+        if not there:
+            bring(int(line[0]))
         before_stop(int(line[0]))
+        there = True
         missed += _run_line(plan, line, arm, array, planner, on_sweep, before_stop, parameters, done)
     return ScanOutcome(len(plan), missed == 0, missed, arm.joint_state().t_s - began_s)
 

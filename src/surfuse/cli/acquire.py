@@ -17,6 +17,7 @@ Examples:
     surfuse acquire part.stl --set scene.scale=0.001 --set scene.yaw_deg=20
     surfuse acquire flat --method median --json
     surfuse acquire flat --arm-driver kinematic    (no servo cards, no dynamics: faster)
+    surfuse acquire flat --smooth    (readings on the fly: an eighth of the robot time)
     surfuse acquire flat --arm my_arm.urdf --tool flange
     surfuse acquire relief --node udp    (against `surfuse node` in another terminal)
 """
@@ -43,6 +44,9 @@ def acquire(
     arm: options.ArmFile = None,
     tool: options.Tool = None,
     arm_driver: options.ArmDriver = None,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="One smooth pass: the array fires while the arm moves.")
+    ] = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -57,6 +61,8 @@ def acquire(
     if node is not None:
         texts.append(f"bus.interface={options.toml_string(BUS_NAMES.get(node, node))}")
     texts += options.arm_overrides(arm, tool, arm_driver)
+    if smooth:
+        texts.append('scan.mode="smooth"')
     configuration = settings.load(cell, texts)
     with TerminalWatcher(quiet or as_json) as watcher:
         outcome = acquisition.acquire(configuration, out, watcher)

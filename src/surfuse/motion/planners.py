@@ -4,16 +4,55 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
+import numpy as np
+
+from surfuse.interfaces import Kinematics
 from surfuse.motion.jerk_limited import JerkLimitedMove
 from surfuse.motion.limits import JointLimits
 from surfuse.motion.rigid_body import ArmDynamics
+from surfuse.motion.time_optimal import PassParameters, time_optimal_pass
 from surfuse.motion.torque_limits import within_torque
 from surfuse.motion.trajectory import Trajectory
 from surfuse.motion.trapezoid import TrapezoidalMove
 from surfuse.records import FloatArray
 
 Planner = Callable[[FloatArray, FloatArray], Trajectory]
+LinePlanner = Callable[[FloatArray], tuple[Trajectory, FloatArray]]
+"""Plans a motion from rest to rest through joint positions (N, J), and says when (N,) it is at each of them."""
+
+_STEP_RAD = 1e-5  # of the difference quotients of the tool's place
+
+
+def through_lines(
+    kinematics: Kinematics,
+    limits: JointLimits,
+    dynamics: ArmDynamics | None,
+    tool_speed_m_s: float,
+    torque_share: float = 0.75,
+    ramp_s: float = 0.03,
+) -> LinePlanner:
+    """One motion through all points, as fast as tool speed, joint speeds and torques allow; needs the package toppra.
+
+    Without `dynamics` the joint accelerations are limited instead of the torques.
+    """
+    parameters = PassParameters(torque_share, tool_speed_m_s, ramp_s=ramp_s)
+
+    def plan(points_rad: FloatArray) -> tuple[Trajectory, FloatArray]:
+        return time_optimal_pass(points_rad, dynamics, limits, partial(tool_jacobian, kinematics), parameters)
+
+    return plan
+
+
+def tool_jacobian(kinematics: Kinematics, joints_rad: FloatArray) -> FloatArray:
+    """How the tool's place changes with the joints: joints (N, J) -> (N, 3, J), by central differences."""
+    joints = np.atleast_2d(joints_rad)
+    steps = _STEP_RAD * np.eye(joints.shape[1])
+    around = np.concatenate([joints[:, None] + steps, joints[:, None] - steps], axis=1)
+    places = kinematics.forward(around)[..., :3, 3]
+    count = joints.shape[1]
+    return np.asarray(np.swapaxes(places[:, :count] - places[:, count:], 1, 2) / (2.0 * _STEP_RAD))
 
 
 def trapezoidal(limits: JointLimits) -> Planner:

@@ -16,7 +16,7 @@ from surfuse.interfaces import FusionMethod
 from surfuse.pipeline.finishing import Finished, bus_event, finish, outcome_of
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, Watcher
-from surfuse.pipeline.steps import finder, go_to_start, locate, plan_for, scene_of, walk
+from surfuse.pipeline.steps import finder, go_to_start, locate, plan_for, scene_of, smooth_walk, walk
 from surfuse.pipeline.warm_up import warm_up_beside
 from surfuse.records import FusionScene, ScanPlan, Sweep
 from surfuse.runs.configuration import read_configuration, write_configuration
@@ -126,7 +126,9 @@ def _acquire(run: RunFolder, settings: Settings, cell: Cell, method: FusionMetho
         scene, plan, done = _begin(progress, settings, cell, log, watcher)
         bring = partial(go_to_start, cell, settings, plan.outline, plan)
         with _noted(log, cell):
-            state, sweeps, finished = walk(cell, plan, scene, method, done, log, watcher, bring)
+            state, sweeps, finished = walk(
+                cell, plan, scene, method, done, log, watcher, bring, smooth_walk(cell, settings)
+            )
         if (trouble := bus_event(cell)) is not None:
             log.append_event(trouble)
         if warm_up is not None and finished:

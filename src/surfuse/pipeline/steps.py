@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from surfuse.acquire.scan import scan
 from surfuse.acquire.search import FoundPart, SearchParameters, search
+from surfuse.acquire.smooth import SmoothParameters, smooth_scan
 from surfuse.cell import Cell, world_from_shoulder
-from surfuse.errors import DataError
+from surfuse.errors import ConfigError, DataError
 from surfuse.interfaces import FusionMethod
+from surfuse.motion.moving_arm import MovingArm
 from surfuse.motion.obstacles import Floor, Obstacle, RingTable, part_box
+from surfuse.motion.planners import LinePlanner
 from surfuse.pipeline.outcome import Watcher
 from surfuse.plan.advice import BELOW, way_to_move, where_and_why
 from surfuse.plan.approach import approach
 from surfuse.plan.reach import ReachParameters
 from surfuse.plan.scan_plan import PlanParameters, scan_plan, skipped_by_kind
-from surfuse.records import CameraFrame, Detection, FusionScene, Outline, ScanPlan, Status, Sweep
+from surfuse.records import CameraFrame, Detection, FusionScene, JointSamples, Outline, ScanPlan, Status, Sweep
 from surfuse.runs.log_writer import LogWriter
 from surfuse.settings import Settings
 from surfuse.vision.distance import ShoulderRange
@@ -28,6 +32,7 @@ from surfuse.vision.outline import PartOutline, outline_part
 from surfuse.vision.table import TableRing
 
 SEARCH, RANGE, STOP = "search", "range", "stop"
+_SWEEP_SHARE = 0.95  # of the time between two stops that a sweep may take: triggers are never quite on time
 
 
 @dataclass(frozen=True)
@@ -185,6 +190,34 @@ def _to_outer_edge(plan: ScanPlan, radius_m: float) -> float:
     return float(np.max(np.sqrt(np.maximum(radius_m**2 - across, 0.0)) - along))
 
 
+class SmoothWalk(NamedTuple):
+    """What a pass without stops needs besides the plan."""
+
+    arm: MovingArm
+    planner: LinePlanner
+    when: SmoothParameters
+
+
+def smooth_walk(cell: Cell, settings: Settings) -> SmoothWalk | None:
+    """How the arm runs along the lines with these settings; None when it shall stop at every stop.
+
+    Raises
+    ------
+    ConfigError : the array cannot be used while this arm moves.
+    """
+    if settings.scan.mode == "stops":
+        return None
+    if cell.smooth is None:
+        raise ConfigError("scan.mode = 'smooth', but this arm has no driver for it", cure="set scan.mode = 'stops'")
+    together = settings.array.trigger == "simultaneous"
+    firing_s = [spec.firing_time_s for spec in cell.specs]
+    sweep_s = max(firing_s) if together else sum(firing_s)
+    speed = settings.scan.speed_m_s or _SWEEP_SHARE * settings.step_m / sweep_s
+    reading_s = 0.5 * firing_s[0] * (settings.pings - 1) / settings.pings
+    lead_s = reading_s + (0.0 if together else 0.5 * (sweep_s - firing_s[-1]))
+    return SmoothWalk(cell.smooth.arm, cell.smooth.planner(speed), SmoothParameters(lead_s, reading_s))
+
+
 def walk(
     cell: Cell,
     plan: ScanPlan,
@@ -194,41 +227,49 @@ def walk(
     log: LogWriter,
     watcher: Watcher,
     bring: Callable[[int], None],
+    smooth: SmoothWalk | None = None,
 ) -> tuple[object, list[Sweep], bool]:
     """Scan the stops that are not done, fusing live; returns the fusion state, all sweeps, whether it finished.
 
+    With `smooth` the arm runs along the lines, and visits one by one only the stops whose sweep failed.
+
     `bring` takes the arm to where the walk to a stop begins (see `go_to_start`). Every sweep is on disk before the arm
-    moves on. Sweeps reach the fusion in the order of the stops, so that a resumed scan gives the same map to the last
-    bit: holes in what was done are filled before the fusion starts.
+    moves on; on a smooth pass, before the next one fires. Sweeps reach the fusion in the order of the stops, so that a
+    resumed scan gives the same map: holes in what was done are filled before the fusion goes on.
     """
     sweeps = {sweep.stop: sweep for sweep in done}
+    state, fused = method.start(scene), 0
     watcher.stage("scan", len(plan))
     watcher.advance(len(sweeps))
 
-    def keep(sweep: Sweep) -> None:
-        log.append_sweep(sweep)
+    def keep(sweep: Sweep, samples: JointSamples | None = None) -> None:
+        nonlocal fused
+        log.append_sweep(sweep, samples)
         sweeps[sweep.stop] = sweep
         watcher.advance()
+        while fused in sweeps:
+            method.step(state, sweeps[fused])
+            fused += 1
+
+    def begin(stop: int) -> None:
+        cell.begin(STOP, stop)
 
     def visit(first: int, last: int) -> None:
         bring(first)
         part = replace_stops(plan, last)
-        scan(part, cell.arm, cell.array, keep, lambda stop: cell.begin(STOP, stop), first, watcher.stop_requested)
+        scan(part, cell.arm, cell.array, keep, begin, first, watcher.stop_requested)
 
-    reached = max(sweeps, default=-1) + 1
+    if smooth is not None:
+        arm, planner, when = smooth
+        smooth_scan(plan, arm, cell.array, planner, keep, begin, when, bring, sweeps, watcher.stop_requested)
+    reached = len(plan) if smooth is not None else max(sweeps, default=-1) + 1
     for hole in range(reached):
         if hole not in sweeps and not watcher.stop_requested():
             visit(hole, hole + 1)
-    state = method.start(scene)
+    visit(reached, len(plan))
     for stop in sorted(sweeps):
-        method.step(state, sweeps[stop])
-
-    def fuse(sweep: Sweep) -> None:
-        keep(sweep)
-        method.step(state, sweep)
-
-    bring(reached)
-    scan(plan, cell.arm, cell.array, fuse, lambda stop: cell.begin(STOP, stop), reached, watcher.stop_requested)
+        if stop >= fused:
+            method.step(state, sweeps[stop])
     return state, [sweeps[stop] for stop in sorted(sweeps)], len(sweeps) == len(plan)
 
 
