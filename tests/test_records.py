@@ -200,3 +200,15 @@ def test_camera_matrix_has_pixels_that_are_not_square():
 
 def test_readings_type_is_what_fusion_takes():
     assert isinstance(readings_from_sweeps((SPEC, SPEC), [sweep(0)]), Readings)
+
+
+def test_an_array_that_nobody_can_write_to_is_not_copied() -> None:
+    fixed = np.arange(3.0)
+    fixed.setflags(write=False)
+    assert MapGrid(fixed, fixed, np.eye(4)).u_m is fixed
+    open_array = np.arange(3.0)
+    view = open_array[:]
+    view.setflags(write=False)
+    grid = MapGrid(open_array, view, np.eye(4))
+    open_array[0] = -5.0
+    assert grid.u_m[0] == grid.v_m[0] == 0.0

@@ -8,6 +8,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from surfuse.confidence import sweepwise
 from surfuse.confidence.sweepwise import BLOCK
 from surfuse.errors import ConfigError, DataError
 from surfuse.fusion import mean, median, weighted_average
@@ -382,3 +383,24 @@ def test_blocks_of_stops_leave_no_seam(scan: Scan, module: ModuleType) -> None:
     stepped = method.finish(state, GRID).points
     for field in dataclasses.fields(whole):
         assert getattr(whole, field.name).tobytes() == getattr(stepped, field.name).tobytes(), field.name
+
+
+def test_lines_on_several_threads_give_the_same_bits(scan, monkeypatch):
+    scene, readings = scan(
+        lambda u, v: 0.02 * u + 0.03 * (v > 0.0), nu=9, nv=7, missing=0.1, outliers=0.1, noise_m=1e-3
+    )
+    grid = MapGrid(np.zeros(1), np.zeros(1), np.eye(4))
+    method = weighted_average.create(weighted_average.Parameters())
+    alone = method.replay(scene, readings, grid).points
+    monkeypatch.setattr(sweepwise, "LEAST_PIECE", 5)
+    monkeypatch.setattr(weighted_average.os, "cpu_count", lambda: 4)
+    pieces = sweepwise.pieces_at_lines(readings.row, 4)
+    assert len(pieces) == 4
+    assert all(readings.row[first] != readings.row[first - 1] for first, _ in pieces[1:])
+    together = method.replay(scene, readings, grid).points
+    for name in alone.__dataclass_fields__:
+        assert getattr(together, name).tobytes() == getattr(alone, name).tobytes(), name
+
+
+def test_a_scan_of_one_line_is_one_piece():
+    assert sweepwise.pieces_at_lines(np.zeros(100_000, dtype=np.int64), 8) == [(0, 100_000)]

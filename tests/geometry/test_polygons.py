@@ -14,6 +14,7 @@ from surfuse.geometry.polygons import (
     signed_area,
     signed_distance,
     signed_distance_at,
+    signed_distances_into,
     spans,
 )
 
@@ -152,3 +153,16 @@ def test_offset_of_a_long_contour() -> None:
 def test_offset_refuses_nonsense(polygon: np.ndarray, distance: float) -> None:
     with pytest.raises(DataError):
         offset(polygon, distance)
+
+
+def test_many_distances_at_once_are_those_one_by_one_to_the_last_bit() -> None:
+    rng = np.random.default_rng(8)
+    for vertices in (3, 4, 11):
+        polygon = rng.normal(size=(vertices, 2))
+        polygon[1] = polygon[0] if vertices == 11 else polygon[1]
+        x, y = rng.normal(size=(2, 200))
+        x[:vertices], y[:vertices] = polygon.T
+        found = np.empty(200)
+        signed_distances_into(x, y, polygon, found)
+        wanted = np.array([signed_distance_at(a, b, polygon) for a, b in zip(x, y, strict=True)])
+        assert found.tobytes() == wanted.tobytes()

@@ -73,21 +73,15 @@ def agreement_confidence(deviation_m: float, allowed_m: float, error_rate: float
 
 
 @compiled
-def agreement_confidences(
-    scan: ScanColumns,
-    stops: tuple[int, int],
-    gate: IntArray,
-    value_m: FloatArray,
-    allowed_m: float,
-    memory: float,
-    error_rate: FloatArray,
-    dc2: FloatArray,
+def deviations(
+    scan: ScanColumns, stops: tuple[int, int], gate: IntArray, value_m: FloatArray, deviation_m: FloatArray
 ) -> None:
-    """dc2 (N,) of the validated readings of a range of stops; the sensors' error rates (S,) move on first.
+    """How far each validated reading (N,) of a range of stops is from the median of the others of its sweep.
 
-    `value_m` counts from the first reading of the range. A reading alone in its sweep deviates from nobody.
+    `value_m` counts from the first reading of the range, `deviation_m` from reading 0. A reading alone in its sweep
+    deviates from nobody.
     """
-    start, sensors = scan.start, scan.sensor
+    start = scan.start
     base = start[stops[0]]
     ordered = np.empty(start[stops[1]] - base + 1)
     for j in range(stops[0], stops[1]):
@@ -97,10 +91,28 @@ def agreement_confidences(
         low, high = max(n - 2, 0) // 2, max(n - 1, 0) // 2
         a, b, c, d = ordered[low], ordered[low + 1], ordered[high], ordered[high + 1]
         for i in range(start[j], start[j + 1]):
-            if gate[i] != 0:
-                dc2[i] = np.nan
-                continue
-            deviation = value_m[i - base] - median_of_others(value_m[i - base], a, b, c, d)
+            if gate[i] == 0:
+                deviation_m[i] = value_m[i - base] - median_of_others(value_m[i - base], a, b, c, d)
+
+
+@compiled
+def agreement_confidences(
+    scan: ScanColumns,
+    stops: tuple[int, int],
+    gate: IntArray,
+    allowed_m: float,
+    memory: float,
+    error_rate: FloatArray,
+    dc2: FloatArray,
+) -> None:
+    """dc2 (N,) of a range of stops in the place of the deviations of its readings.
+
+    The sensors' error rates (S,) move on from reading to reading, so this must go through a scan in order.
+    """
+    sensors = scan.sensor
+    for i in range(scan.start[stops[0]], scan.start[stops[1]]):
+        if gate[i] == 0:
+            deviation = dc2[i]
             rate = updated_error_rate(error_rate[sensors[i]], abs(deviation) > allowed_m, memory)
             error_rate[sensors[i]] = rate
             dc2[i] = agreement_confidence(deviation, allowed_m, rate)

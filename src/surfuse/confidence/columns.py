@@ -127,7 +127,9 @@ def fused_point(sweep: Sweep, columns: PointColumns) -> FusedPoint:
 
 
 def fused_points(readings: Readings, columns: PointColumns) -> FusedPoints:
-    """The record of all stops in the columns."""
+    """The record of all stops in the columns, which are read-only from now on."""
+    for column in columns:
+        column.setflags(write=False)
     return FusedPoints(
         stop=readings.stop,
         row=readings.row,

@@ -16,7 +16,7 @@ import numpy as np
 from surfuse.confidence.columns import ScanColumns
 from surfuse.confidence.parameters import check_within
 from surfuse.geometry.compiled import compiled
-from surfuse.geometry.polygons import signed_distance_at
+from surfuse.geometry.polygons import signed_distance_at, signed_distances_into
 from surfuse.geometry.poses import inverse
 from surfuse.records import FloatArray, FusionScene, Gap, Gate, IntArray, Outline, Status
 
@@ -153,6 +153,22 @@ def outside_holes(u: float, v: float, vertices: FloatArray, ring: IntArray) -> f
 
 
 @compiled
+def _inside(
+    u: FloatArray, v: FloatArray, vertices: FloatArray, ring: IntArray, margin: float, inside_m: FloatArray
+) -> None:
+    """Signed distance of points (N,) to the outline before its margin, holes counting as outside; inf without one."""
+    n, n_rings = u.shape[0], ring.shape[0] - 1
+    if n_rings < 1:
+        inside_m[:n] = np.inf
+        return
+    signed_distances_into(u, v, vertices[: ring[1]], inside_m)
+    for k in range(n):
+        inside_m[k] -= margin
+        if n_rings > 1:
+            inside_m[k] = min(inside_m[k], outside_holes(u[k], v[k], vertices, ring))
+
+
+@compiled
 def _own_word(reading_m: float, status: int) -> int:
     """Gate code of what the sensor itself says; the range and the status must both be good (REP-117)."""
     if reading_m == np.inf or status == NO_ECHO:
@@ -178,7 +194,7 @@ def validate(
 
     Writes the `Gate` code of reading i into `gate[i]` (N,). With s = i - (first reading of the first stop), writes into
     `value_m[s]` the place of its hit point on the grip axis, `sigma_m[s]` its standard deviation there, and
-    `inside_m[s]` the signed distance of its footprint to the outline (left as they are where it failed earlier).
+    `inside_m[s]` the signed distance of its footprint to the outline (without meaning where it failed earlier).
 
     The hit point p + r a is projected onto the grip axis (origin o, direction g): m = r (a.g) + (p - o).g. With
     sensors in the grip plane and axes parallel to the grip axis this is m = r, the measurement of the paper's
@@ -191,9 +207,9 @@ def validate(
     range_min, range_max, spec_sigma, spread, depth_max, vertices, ring, margin, outline, eye, _, footprints, allow = (
         limits
     )
-    # Array arguments cost a kernel more than the arithmetic here: the outline's parts are told apart only once.
-    n_rings, boundary = ring.shape[0] - 1, vertices[: ring[min(1, ring.shape[0] - 1)]]
     base = start[stops[0]]
+    n = start[stops[1]] - base
+    foot_u, foot_v = np.zeros(n), np.zeros(n)
     for j in range(stops[0], stops[1]):
         ox, oy, oz = grips[j, 0, 3], grips[j, 1, 3], grips[j, 2, 3]
         gx, gy, gz = grips[j, 0, 2], grips[j, 1, 2], grips[j, 2, 2]
@@ -222,15 +238,15 @@ def validate(
                 u, seen = eye[0] + share * (u - eye[0]), eye[1] + share * (v - eye[1])
                 # The part stands on the table: above its foot nothing can be seen below it.
                 v = max(seen, eye[3]) if v >= 0.0 else seen
-            inside = signed_distance_at(u, v, boundary) - margin if n_rings > 0 else np.inf
-            if n_rings > 1:
-                inside = min(inside, outside_holes(u, v, vertices, ring))
             own = own_sigma[i]
-            value_m[i - base], inside_m[i - base] = value, inside
+            value_m[i - base], foot_u[i - base], foot_v[i - base] = value, u, v
             sigma_m[i - base] = (own if 0.0 < own < np.inf else spec_sigma[sensor]) * abs(along)
-            if inside < -(footprints * r * spread[sensor] + allow):
+    _inside(foot_u, foot_v, vertices, ring, margin, inside_m)
+    for i in range(base, base + n):
+        if gate[i] == PASSED:
+            if inside_m[i - base] < -(footprints * ranges[i] * spread[sensors[i]] + allow):
                 gate[i] = GATE_OUTSIDE
-            elif value > depth_max or value <= 0.0:
+            elif value_m[i - base] > depth_max or value_m[i - base] <= 0.0:
                 gate[i] = GATE_BEHIND
 
 

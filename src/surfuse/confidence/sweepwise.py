@@ -9,7 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Generic, TypeVar
+
+import numpy as np
 
 from surfuse.confidence.columns import (
     PointColumns,
@@ -41,6 +44,22 @@ def block_readings(start: IntArray) -> int:
     for begin in range(0, stops, BLOCK):
         most = max(most, start[min(begin + BLOCK, stops)] - start[begin])
     return most
+
+
+LEAST_PIECE = 20_000
+"""Stops below which a thread of its own costs more than it saves."""
+
+
+def pieces_at_lines(row: IntArray, most: int) -> list[tuple[int, int]]:
+    """Up to `most` pieces (first, last + 1) of nearly equal length that begin with a scan line each; M rows given."""
+    wanted = min(most, len(row) // LEAST_PIECE)
+    if wanted < 2:
+        return [(0, len(row))]
+    lines = np.flatnonzero(np.diff(row)) + 1
+    ideal = np.arange(1, wanted) * len(row) // wanted
+    at = np.searchsorted(lines, ideal)
+    cuts = np.unique(np.concatenate([[0], lines[at[at < len(lines)]], [len(row)]]))
+    return [(int(a), int(b)) for a, b in pairwise(cuts)]
 
 
 @compiled

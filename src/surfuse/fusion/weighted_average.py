@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from surfuse.confidence.agreement import agreement_confidences
+from surfuse.confidence.agreement import agreement_confidences, deviations
 from surfuse.confidence.boundary import boundary_confidences
 from surfuse.confidence.columns import PointColumns, ScanColumns
 from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate
 from surfuse.confidence.parameters import check_within
 from surfuse.confidence.prediction import WINDOW, predicted_depth, prediction_confidence, remember
-from surfuse.confidence.sweepwise import BLOCK, SweepwiseFusion, block_readings
+from surfuse.confidence.sweepwise import BLOCK, SweepwiseFusion, block_readings, pieces_at_lines
 from surfuse.confidence.uncertainty import sigma_of_average
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
@@ -93,16 +95,15 @@ def _fresh(sensors: int) -> Memory:
 
 
 @compiled
-def _factors_but_prediction(
+def _stop_by_itself(
     scan: ScanColumns,
     limits: Limits,
     stops: tuple[int, int],
     constants: _Constants,
-    error_rate: FloatArray,
     scratch: tuple[FloatArray, FloatArray, FloatArray],
     out: PointColumns,
 ) -> None:
-    """Validate a range of stops and give each reading the factors that do not depend on earlier fused values."""
+    """Validate a range of stops; what depends on no other stop: dc3, and the deviations that dc2 is made of."""
     value, sigma, inside = scratch
     gate, dc, dc1, dc2, dc3 = out.gate, out.dc, out.dc1, out.dc2, out.dc3
     validate(scan, limits, stops, gate, value, sigma, inside)
@@ -110,11 +111,20 @@ def _factors_but_prediction(
         dc[i] = 0.0
         dc1[i] = dc2[i] = dc3[i] = 1.0 if gate[i] == 0 else np.nan
     if constants.use_dc2:
-        memory = constants.error_memory
-        agreement_confidences(scan, stops, gate, value, constants.allowed_m, memory, error_rate, dc2)
+        deviations(scan, stops, gate, value, dc2)
     if constants.use_dc3:
         share, floor = constants.boundary_share, constants.boundary_floor_m
         boundary_confidences(scan, limits, stops, gate, inside, share, floor, dc3)
+
+
+@compiled
+def _sensors_history(
+    scan: ScanColumns, stops: tuple[int, int], constants: _Constants, error_rate: FloatArray, out: PointColumns
+) -> None:
+    """dc2 of a range of stops: each sensor's error rate rests on all of its readings before."""
+    if constants.use_dc2:
+        allowed, memory = constants.allowed_m, constants.error_memory
+        agreement_confidences(scan, stops, out.gate, allowed, memory, error_rate, out.dc2)
 
 
 @compiled
@@ -182,9 +192,74 @@ def _walk(scan: ScanColumns, limits: Limits, constants: _Constants, memory: Memo
     value, sigma, inside = np.empty(room), np.empty(room), np.empty(room)
     for block in range(0, n_stops, BLOCK):
         stops = (block, min(block + BLOCK, n_stops))
-        _factors_but_prediction(scan, limits, stops, constants, memory.error_rate, (value, sigma, inside), out)
+        _stop_by_itself(scan, limits, stops, constants, (value, sigma, inside), out)
+        _sensors_history(scan, stops, constants, memory.error_rate, out)
         _average_line(scan, stops, constants, memory, value, out)
         _spreads_and_gaps(scan, stops, value, sigma, out)
+
+
+@compiled
+def _prepare(
+    scan: ScanColumns,
+    limits: Limits,
+    stops: tuple[int, int],
+    constants: _Constants,
+    scratch: tuple[FloatArray, FloatArray],
+    out: PointColumns,
+) -> None:
+    """What depends on no other stop, block after block of a piece; values and sigmas are kept for `_conclude`."""
+    value, sigma = scratch
+    inside, base = np.empty(block_readings(scan.start)), scan.start[stops[0]]
+    for block in range(stops[0], stops[1], BLOCK):
+        own = (block, min(block + BLOCK, stops[1]))
+        first = scan.start[own[0]] - base
+        _stop_by_itself(scan, limits, own, constants, (value[first:], sigma[first:], inside), out)
+
+
+@compiled
+def _conclude(
+    scan: ScanColumns,
+    stops: tuple[int, int],
+    constants: _Constants,
+    memory: Memory,
+    scratch: tuple[FloatArray, FloatArray],
+    out: PointColumns,
+) -> None:
+    """dc1, M and sigma of a piece that begins with a scan line of its own."""
+    _average_line(scan, stops, constants, memory, scratch[0], out)
+    _spreads_and_gaps(scan, stops, scratch[0], scratch[1], out)
+
+
+def _walk_in_pieces(
+    scan: ScanColumns,
+    limits: Limits,
+    constants: _Constants,
+    memory: Memory,
+    out: PointColumns,
+    pieces: list[tuple[int, int]],
+) -> None:
+    """The same numbers with a thread a piece: only the sensors' error rates go through the whole scan in order.
+
+    Each piece but the first begins with a scan line, where the window is empty anyway.
+    """
+    scratch = [
+        (np.empty(int(scan.start[b] - scan.start[a])), np.empty(int(scan.start[b] - scan.start[a]))) for a, b in pieces
+    ]
+    memories = [memory, *(_fresh(len(memory.error_rate)) for _ in pieces[1:])]
+    for later, (first, _) in zip(memories[1:], pieces[1:], strict=True):
+        later.row[0] = scan.row[first]
+    with ThreadPoolExecutor(len(pieces)) as pool:
+        jobs = [pool.submit(_prepare, scan, limits, p, constants, s, out) for p, s in zip(pieces, scratch, strict=True)]
+        for piece, job in zip(pieces, jobs, strict=True):
+            job.result()
+            _sensors_history(scan, piece, constants, memory.error_rate, out)
+        ends = [
+            pool.submit(_conclude, scan, p, constants, m, s, out)
+            for p, m, s in zip(pieces, memories, scratch, strict=True)
+        ]
+        for end in ends:
+            end.result()
+    memory.window_m[:], memory.held[:], memory.row[:] = memories[-1].window_m, memories[-1].held, memories[-1].row
 
 
 def create(parameters: Parameters) -> FusionMethod:
@@ -192,6 +267,10 @@ def create(parameters: Parameters) -> FusionMethod:
     constants = _Constants(*(getattr(parameters, name) for name in _Constants._fields))
 
     def walk(scan: ScanColumns, limits: Limits, memory: Memory, out: PointColumns) -> None:
-        _walk(scan, limits, constants, memory, out)
+        pieces = pieces_at_lines(scan.row, os.cpu_count() or 1)
+        if len(pieces) > 1:
+            _walk_in_pieces(scan, limits, constants, memory, out, pieces)
+        else:
+            _walk(scan, limits, constants, memory, out)
 
     return SweepwiseFusion("weighted_average", parameters, _fresh, walk)

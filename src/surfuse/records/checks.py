@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeGuard
+
 import numpy as np
 import numpy.typing as npt
 
@@ -17,8 +19,8 @@ ByteArray = npt.NDArray[np.uint8]
 def owned(
     array: npt.ArrayLike, dtype: npt.DTypeLike, name: str, shape: tuple[int | None, ...]
 ) -> npt.NDArray[np.generic]:
-    """A read-only copy with the asked type and shape (None: any length)."""
-    copy = np.array(array, dtype=dtype)
+    """A read-only array with the asked type and shape (None: any length): a copy, unless nobody can write to it."""
+    copy = array if _is_fixed(array, dtype) else np.array(array, dtype=dtype)
     fits = copy.ndim == len(shape) and all(
         want is None or want == got for want, got in zip(shape, copy.shape, strict=True)
     )
@@ -27,6 +29,13 @@ def owned(
         raise DataError(f"{name} has shape {copy.shape}, wanted {wanted}")
     copy.setflags(write=False)
     return copy
+
+
+def _is_fixed(array: npt.ArrayLike, dtype: npt.DTypeLike) -> TypeGuard[npt.NDArray[np.generic]]:
+    """Whether an array of this type is read-only, and so is the array that it may be a view of."""
+    if not isinstance(array, np.ndarray) or array.dtype != dtype or array.flags.writeable:
+        return False
+    return array.base is None or (isinstance(array.base, np.ndarray) and not array.base.flags.writeable)
 
 
 def own(record: object, dtype: npt.DTypeLike, **shapes: tuple[int | None, ...]) -> None:
