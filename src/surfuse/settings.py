@@ -184,7 +184,7 @@ class ScanSettings(Section):
     mode: Literal["stops", "smooth"] = Field(
         "stops", description="stops: the arm rests at every stop; smooth: the array fires while the arm moves"
     )
-    pings_moving: int = Field(1, ge=1, le=31, description="emissions averaged for one reading while the arm moves")
+    pings: int = Field(1, ge=1, le=31, description="emissions averaged for one reading on a smooth pass")
     speed_m_s: float | None = Field(
         None, gt=0.0, le=1.0, description="speed of the array in a smooth pass; default: one sweep a step"
     )
@@ -217,7 +217,7 @@ class Settings(Section):
     @property
     def pings(self) -> int:
         """Emissions averaged for one reading of the array."""
-        return self.array.pings if self.scan.mode == "stops" else self.scan.pings_moving
+        return self.array.pings if self.scan.mode == "stops" else self.scan.pings
 
     @model_validator(mode="after")
     def _can_be_told_where_it_is(self) -> Self:
