@@ -4,8 +4,8 @@
 
 Scans of the project's own twin, or of an independent physical-optics simulator (`judged_optics`), go through the
 functions that `surfuse fuse`, `surfuse evaluate` and `surfuse coverage` call. Constants were chosen on the development
-set alone; figures in the documentation are of the held-out set, whose parts and seeds differ. The quick set has one seed
-and no wide beams with high noise; the full set has three.
+set alone; figures in the documentation are of the held-out set, whose parts and seeds differ. The quick set has one
+seed and no wide beams with high noise; the full set has three.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from judged_scans import scan
-from judged_scenes import JudgedScene, scenes
+from judged_scenes import scenes
 
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.replay import fused, grid_of
@@ -33,6 +33,7 @@ from surfuse.surface.truth import read_mesh, truth_around
 
 SEEDS = {"development": (1, 2, 3), "held-out": (101, 102, 103)}
 Z90 = 1.6449
+Job = tuple[bool, int, str, str, str, int, Path | None]
 
 
 @dataclass(frozen=True)
@@ -58,10 +59,11 @@ class Result:
         return self.rmse / self.paper
 
 
-def run(job: tuple[JudgedScene, str, str, str, int]) -> Result:
+def run(job: Job) -> Result:
     """Make one scan, fuse it twice, score both maps."""
-    scene, maker, beam, noise, seed = job
-    log = scan(scene, maker, beam, noise, seed)
+    held_out, index, maker, beam, noise, seed, keep = job
+    scene = scenes(held_out)[index]
+    log = scan(scene, maker, beam, noise, seed, keep)
     vertices, faces = scene.mesh()
     return measured(log, (vertices, faces), (scene.name, scene.group, scene.tilt_deg, beam, noise, seed), scene.edge)
 
@@ -110,16 +112,16 @@ def foreign(folder: Path) -> list[Result]:
         scene, beam, noise = one.name.split("_")
         group = {"flat0": "facing", "flat20": "tilted", "relief": "step"}[scene]
         name = (scene, group, 20.0 if scene == "flat20" else 0.0, beam, noise, 0)
-        found.append(measured(load_scan(one), read_mesh(one / "truth.ply"), name, "v" if group == "step" else ""))
+        found.append(shown(measured(load_scan(one), read_mesh(one / "truth.ply"), name, "v" if group == "step" else "")))
     return found
 
 
-def jobs(held_out: bool, maker: str, full: bool, only: str, seeds: tuple[int, ...]) -> list[tuple]:
+def jobs(held_out: bool, maker: str, full: bool, only: str, seeds: tuple[int, ...], keep: Path | None) -> list[Job]:
     """All scans of a set."""
     regimes = [("tube", "low"), ("tube", "high"), ("wide", "low"), *([("wide", "high")] if full else [])]
     return [
-        (scene, maker, beam, noise, seed)
-        for scene in scenes(held_out)
+        (held_out, index, maker, beam, noise, seed, keep)
+        for index, scene in enumerate(scenes(held_out))
         for beam, noise in regimes
         for seed in seeds
         if only in f"{scene.name} {beam} {noise}" and not (scene.wrist_deg and beam == "wide")
@@ -199,12 +201,16 @@ def coverage_rows(results: list[Result]) -> list[str]:
     return lines
 
 
+def shown(r: Result) -> Result:
+    """The same result, printed."""
+    print(f"{r.scene:24s} {r.beam} {r.noise:4s} {r.seed:3d}  rmse {r.rmse:6.2f}  paper {r.paper:6.2f}  "
+          f"ratio {r.ratio:5.2f}  in3 {100 * r.within3:5.1f}  edge {r.edge:+6.1f}  {r.seconds:5.1f} s  "
+          f"{r.decision}", flush=True)  # fmt: skip
+    return r
+
+
 def show(results: list[Result]) -> None:
-    """Everything measured, worst last, then the table."""
-    for r in results:
-        print(f"{r.scene:24s} {r.beam} {r.noise:4s} {r.seed:3d}  rmse {r.rmse:6.2f}  paper {r.paper:6.2f}  "
-              f"ratio {r.ratio:5.2f}  in3 {100 * r.within3:5.1f}  edge {r.edge:+6.1f}  {r.seconds:5.1f} s  "
-              f"{r.decision}")  # fmt: skip
+    """Coverage, then the table."""
     print()
     for line in coverage_rows(results):
         print(line)
@@ -221,17 +227,18 @@ def main() -> None:
     parser.add_argument("--only", default="", help="scans whose name holds this text")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--foreign", type=Path, help="folder of scans by another simulator")
+    parser.add_argument("--keep", type=Path, help="folder in which echoes are kept for the next time")
     parser.add_argument("--out", type=Path, help="write the results as JSON")
     given = parser.parse_args()
     seeds = SEEDS[given.set][: 3 if given.full else 1]
-    todo = jobs(given.set == "held-out", given.maker, given.full, given.only, seeds)
+    todo = jobs(given.set == "held-out", given.maker, given.full, given.only, seeds, given.keep)
     if given.foreign:
         results = foreign(given.foreign)
     elif given.jobs > 1:
         with ProcessPoolExecutor(given.jobs) as pool:
-            results = list(pool.map(run, todo))
+            results = [shown(one) for one in pool.map(run, todo)]
     else:
-        results = [run(job) for job in todo]
+        results = [shown(run(job)) for job in todo]
     show(results)
     if given.out:
         given.out.write_text(json.dumps([asdict(r) for r in results], indent=1))

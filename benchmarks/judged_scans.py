@@ -1,9 +1,10 @@
-"""Scans of the judged parts: the array's raster, echoes by the twin or by the independent optics, noise, ready to fuse."""
+"""Scans of the judged parts: the array's raster, echoes by the twin or by the independent optics, and noise."""
 
 from __future__ import annotations
 
 import zlib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from judged_optics import scan_by_optics
@@ -77,18 +78,29 @@ def with_noise(range_m: Array, amplitude: Array, level: str, spec: SensorSpec, r
     return heard, np.where(np.isfinite(heard), amplitude, np.nan)
 
 
-def scan(scene: JudgedScene, maker: str, beam: str, level: str, seed: int) -> ScanLog:
+def echoes(scene: JudgedScene, maker: str, where: Array, towards: Array, spec: SensorSpec, seed: int
+           ) -> tuple[Array, Array]:  # fmt: skip
+    """Ranges and amplitudes without noise, by the twin or by the independent optics."""
+    if maker == "twin":
+        return scan_by_twin(scene, where, towards, spec, seed)
+    assert spec.aperture_m is not None
+    return scan_by_optics(scene, where, towards, spec.aperture_m, seed)
+
+
+def scan(scene: JudgedScene, maker: str, beam: str, level: str, seed: int, keep: Path | None = None) -> ScanLog:
     """One scan, as a log with sensors, frame and outline would be read. `maker`: twin or optics."""
     grip, rows, places = raster(scene)
     axis = np.repeat(grip[:, :3, 2], 4, axis=0)
     single, back = np.unique(np.round(places / SAME_M).astype(np.int64), axis=0, return_inverse=True)
     where, towards = single * SAME_M, np.tile(axis[0], (len(single), 1))
     spec = replace((TWIN_SPECS if maker == "twin" else OPTICS_SPECS)[beam], sigma_m=NOISE[level][0])
-    if maker == "twin":
-        range_m, amplitude = scan_by_twin(scene, where, towards, spec, seed)
+    kept = keep / f"{scene.name}-{scene.half_m}-{maker}-{beam}-{seed}.npy" if keep else None
+    if kept is not None and kept.is_file():
+        range_m, amplitude = np.load(kept)
     else:
-        assert spec.aperture_m is not None
-        range_m, amplitude = scan_by_optics(scene, where, towards, spec.aperture_m, seed)
+        range_m, amplitude = echoes(scene, maker, where, towards, spec, seed)
+        if kept is not None:
+            np.save(kept, np.array([range_m, amplitude]))
     rng = np.random.default_rng([seed, zlib.crc32(f"{scene.name}{maker}{beam}{level}".encode())])
     range_m, amplitude = with_noise(range_m[back.ravel()], amplitude[back.ravel()], level, spec, rng)
     m = len(grip)

@@ -1,4 +1,4 @@
-"""Parts of the judgement: height fields with their outlines, in two sets, one to develop on and one that is held out."""
+"""Parts of the judgement: height fields with their outlines, one set to develop on and one that is held out."""
 
 from __future__ import annotations
 

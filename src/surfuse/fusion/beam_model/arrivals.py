@@ -14,6 +14,8 @@ from surfuse.records import BoolArray, FloatArray, IntArray
 NONE, MIRROR, RIM, SPECKLE = 0, 1, 2, 3
 # A facet further than this from the foot of the perpendicular sends its echo past the sensor (tangent of 1.5 degrees).
 OFF_MIRROR = 0.026
+# Steps from the axis to the patch that answers first.
+NEAR_STEPS = 4
 
 
 @compiled
@@ -42,6 +44,39 @@ def _newton(pull: float, stiff: float, limit: float) -> float:
     if abs(pull) >= abs(stiff) * limit:
         return -limit if (pull > 0.0) == (stiff > 0.0) else limit
     return -pull / stiff
+
+
+@compiled
+def _nearest_patch(
+    station: FloatArray, t: float, late: float, tilt: float, slope_u: float, slope_v: float, domain: BoolArray,
+    u0: float, v0: float, g: float,
+) -> float:  # fmt: skip
+    """Range of the nearest patch that answers before the axis: uphill in the plane of incidence, while it is on the part.
+
+    At the off-axis angle d the tilted plane is at t cos(tilt) / cos(tilt - d).
+    """
+    rows, cols = domain.shape
+    ax, ay, az = station[3], station[4], station[5]
+    n = np.sqrt(1.0 + slope_u * slope_u + slope_v * slope_v)
+    # Unit vector across the axis towards the foot of the perpendicular.
+    along = (slope_u * ax + slope_v * ay - az) / n
+    bx, by = slope_u / n - along * ax, slope_v / n - along * ay
+    bz = -1.0 / n - along * az
+    size = np.sqrt(bx * bx + by * by + bz * bz)
+    if size < 1e-9:
+        return t
+    widest = tilt - np.arccos(min(1.0, t * np.cos(tilt) / (t + late)))
+    found = t
+    for k in range(1, NEAR_STEPS + 1):
+        d = widest * k / NEAR_STEPS
+        r = t * np.cos(tilt) / np.cos(tilt - d)
+        x = station[0] + r * (np.cos(d) * ax + np.sin(d) * bx / size)
+        y = station[1] + r * (np.cos(d) * ay + np.sin(d) * by / size)
+        j, i = int(np.floor((y - v0) / g + 0.5)), int(np.floor((x - u0) / g + 0.5))
+        if j < 0 or i < 0 or j >= rows or i >= cols or not domain[j, i]:
+            break
+        found = r
+    return float(found)
 
 
 @compiled
@@ -81,6 +116,8 @@ def at_axis(
     late += f * ((1.0 - w) * speckle[k + 1, m] + w * speckle[k + 1, other])
     spread = (1.0 - f) * ((1.0 - w) * scatter[k, m] + w * scatter[k, other])
     spread += f * ((1.0 - w) * scatter[k + 1, m] + w * scatter[k + 1, other])
+    if late < 0.0 and tilt > 0.0:
+        late = max(late, _nearest_patch(station, t, late, tilt, gu, gv, domain, u0, v0, g) - t)
     return t + late, j, i, 1.0 / min(-0.05, towards), spread
 
 

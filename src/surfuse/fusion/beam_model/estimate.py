@@ -10,11 +10,11 @@ from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filte
 from surfuse.fusion.beam_model.edges import settle
 from surfuse.fusion.beam_model.orphans import reattached
 from surfuse.fusion.beam_model.plate import Stiffness
-from surfuse.fusion.beam_model.problem import Problem, arrivals, reach
+from surfuse.fusion.beam_model.problem import Problem, arrivals
 from surfuse.fusion.beam_model.raster import Raster, slopes
 from surfuse.fusion.beam_model.search import Solution, evidence, find
-from surfuse.fusion.beam_model.starts import nearest_allowed, plane, quadric, speckle_shift
-from surfuse.fusion.beam_model.surfels import Surfels, find_surfels
+from surfuse.fusion.beam_model.starts import nearest_allowed, plane, quadric, speckle_shift, tilted
+from surfuse.fusion.beam_model.surfels import Surfels
 from surfuse.records import BoolArray, FloatArray
 
 # From plates without curvature to free forms: spectral densities of curvature and of its change.
@@ -30,8 +30,7 @@ ANNEALED = (0.005,) * 4 + (0.002,) * 3 + (0.0005,) * 2 + (0.0,) * 4
 
 def surfels_of(p: Problem) -> Surfels:
     """Oriented points of all stations."""
-    slopes = np.array([np.sin(np.arctan(reach(t))) for t in p.tables])[p.stations.spec]
-    return find_surfels(p.stations, p.spacing_m, slopes)
+    return p.surfels
 
 
 @dataclass(frozen=True)
@@ -41,6 +40,7 @@ class Effort:
     points: tuple[tuple[float, float], ...] = DENSITIES
     plane: tuple[tuple[float, float], ...] = (FLAT, PLAIN, SOFT, FREE)
     quadric: tuple[tuple[float, float], ...] = (SOFT, FREE, WAVY, ROUND)
+    tilt: tuple[tuple[float, float], ...] = (FLAT, PLAIN, SOFT, FREE)
     settled: int = 3
     again: tuple[tuple[float, float], ...] = DENSITIES
     fine: bool = True
@@ -48,18 +48,21 @@ class Effort:
 
 FULL = Effort()
 # For parts of many tiles: the same ideas with fewer priors.
-LEAN = Effort((FLAT, PLAIN, FREE), (FLAT,), (WAVY,), 1, (), False)
+LEAN = Effort((FLAT, PLAIN, FREE), (FLAT,), (WAVY,), (FLAT,), 1, (), False)
 
 
-def explore(p: Problem, surfels: Surfels, edge: float, effort: Effort = FULL) -> list[Solution]:
+def explore(p: Problem, edge: float, effort: Effort = FULL) -> list[Solution]:
     """Every prior from its starts, the most probable first; the edges of the best are moved."""
     blurred = p.stations.position_m + p.stations.axis * (p.stations.range_m - speckle_shift(p))[:, None]
-    near = nearest_allowed(p, surfels)
+    near = nearest_allowed(p, p.surfels)
     level = plane(p, blurred)
     found = [find(p, near, "points", Stiffness(*pair, edge), SHARP) for pair in effort.points]
     found += [find(p, level, "plane", Stiffness(*pair, edge), ANNEALED) for pair in effort.plane]
+    if np.mean(p.surfels.coherent) < MOSTLY:
+        lean = tilted(p, level)
+        found += [find(p, lean, "tilt", Stiffness(*pair, edge), BENT) for pair in effort.tilt]
     # Where most neighbours share a wavefront, the oriented points have the curvature already.
-    if effort.fine or np.mean(surfels.coherent) < MOSTLY:
+    if effort.fine or np.mean(p.surfels.coherent) < MOSTLY:
         bent = quadric(p, blurred)
         found += [find(p, bent, "quadric", Stiffness(*pair, edge), BENT) for pair in effort.quadric]
     found = sorted(found, key=lambda solution: solution.score)

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 
 from surfuse.fusion.beam_model.domain import heard_extent, inside_outline, raster_over
 from surfuse.fusion.beam_model.echo import SPEED_OF_SOUND_M_S, BeamTable, DetectorModel, beam_table
-from surfuse.fusion.beam_model.estimate import FULL, LEAN, Effort, explore, refine, surfels_of
+from surfuse.fusion.beam_model.estimate import FULL, LEAN, Effort, explore, refine
 from surfuse.fusion.beam_model.problem import problem
 from surfuse.fusion.beam_model.raster import Raster
 from surfuse.fusion.beam_model.stations import Stations, gather, isolated, kinds, spacing
@@ -124,7 +124,7 @@ def _solve(
         return blank(coarse_raster if fine is None else fine)
     few = own.select(sparse(own, coarse_raster, MOST_A_CELL))
     coarse = problem(few, tables, coarse_raster, step)
-    best = explore(coarse, surfels_of(coarse), edge, effort)[0]
+    best = explore(coarse, edge, effort)[0]
     if fine is None:
         return sheet_of(coarse, best)
     detailed = problem(own, tables, fine, step)

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfuse.fusion.beam_model.arrivals import MIRROR, NONE, RIM, SPECKLE, predict
+from surfuse.fusion.beam_model.arrivals import MIRROR, NONE, RIM, predict
 from surfuse.fusion.beam_model.echo import LEVELS, OFF_AXIS, TILTS, BeamTable, half_plane
 from surfuse.fusion.beam_model.envelope import carve
 from surfuse.fusion.beam_model.plate import Plate, plate
 from surfuse.fusion.beam_model.raster import Raster, slopes
 from surfuse.fusion.beam_model.stations import Stations
+from surfuse.fusion.beam_model.surfels import Surfels, find_surfels
 from surfuse.records import BoolArray, FloatArray, IntArray
 
 ANGLE_STEP = float(OFF_AXIS[1])
@@ -50,7 +51,9 @@ class Problem:
     """Stations and raster; `level` (M,) logarithm of amplitude over threshold, nan where unknown.
 
     `weight` (M,) is the share of its information that a station is given: less where its axis misses the part, because
-    it then hears a rim whose shape and place inside a cell the raster does not hold.
+    it then hears a rim whose shape and place inside a cell the raster does not hold; and less where it shares no
+    wavefront with its neighbours, because the speckle that they hear is partly the same. The share depends on what was
+    heard and not on what is believed, so that explanations can be compared. `surfels` are the oriented points.
     """
 
     stations: Stations
@@ -60,6 +63,7 @@ class Problem:
     spacing_m: float
     level: FloatArray
     weight: FloatArray
+    surfels: Surfels
 
 
 def problem(stations: Stations, tables: tuple[BeamTable, ...], raster: Raster, spacing_m: float) -> Problem:
@@ -68,10 +72,18 @@ def problem(stations: Stations, tables: tuple[BeamTable, ...], raster: Raster, s
     with np.errstate(invalid="ignore", divide="ignore"):
         level = np.log(stations.amplitude / threshold)
     middle = stations.position_m + stations.axis * stations.range_m[:, None]
-    over = raster.holds(middle)
-    return Problem(
-        stations, tables, raster, plate(raster.domain, raster.g_m), spacing_m, level, np.where(over, 1.0, OFF_PART)
+    steepest = np.array([np.sin(np.arctan(reach(t))) for t in tables])[stations.spec]
+    surfels = find_surfels(stations, spacing_m, steepest)
+    weight = np.where(raster.holds(middle), 1.0, OFF_PART) / np.where(
+        surfels.coherent, 1.0, crowd(stations, tables, spacing_m)
     )
+    return Problem(stations, tables, raster, plate(raster.domain, raster.g_m), spacing_m, level, weight, surfels)
+
+
+def crowd(stations: Stations, tables: tuple[BeamTable, ...], spacing_m: float) -> FloatArray:
+    """How many neighbours (M,) hear the same speckle: those within its correlation length, for a beam of that width."""
+    grain = np.array([0.0 if t.optical else t.wavelength_m / (4.0 * np.sin(t.half_angle_rad)) for t in tables])
+    return np.asarray(1.0 + np.pi * (grain[stations.spec] / max(spacing_m, 1e-4)) ** 2, dtype=np.float64)
 
 
 def reach(table: BeamTable) -> float:
@@ -117,14 +129,9 @@ def free_space(p: Problem, trusted: IntArray) -> FloatArray:
 
 
 def deviation(p: Problem, heard: Arrivals, temper_m: float) -> FloatArray:
-    """Standard deviation (M,) of the residuals: timing, model, speckle (whose neighbours repeat each other), temper."""
-    s = p.stations
-    grain = np.array([t.wavelength_m / (4.0 * np.sin(t.half_angle_rad)) for t in p.tables])[s.spec]
-    optical = np.array([t.optical for t in p.tables])[s.spec]
-    speckled = (heard.kind == SPECKLE) & ~optical
-    crowd = np.where(speckled, 1.0 + np.pi * (grain / max(p.spacing_m, 1e-4)) ** 2, 1.0)
+    """Standard deviation (M,) of the residuals: timing, model, temper."""
     model = np.where(heard.kind == MIRROR, MODEL_ERROR_M, 0.0)
-    variance = s.sigma_m**2 + model**2 + crowd * heard.scatter_m**2 + temper_m**2
+    variance = p.stations.sigma_m**2 + model**2 + heard.scatter_m**2 + temper_m**2
     return np.asarray(np.sqrt(variance), dtype=np.float64)
 
 

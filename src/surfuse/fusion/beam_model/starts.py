@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial import cKDTree
 
+from surfuse.fusion.beam_model.arrivals import RIM
 from surfuse.fusion.beam_model.echo import LEVELS
-from surfuse.fusion.beam_model.problem import TYPICAL, Problem, arrivals, free_space, misfit
+from surfuse.fusion.beam_model.problem import OFF_PART, TYPICAL, Problem, arrivals, free_space, misfit, residuals
 from surfuse.fusion.beam_model.surfels import Surfels
 from surfuse.records import FloatArray, IntArray
 
@@ -16,6 +19,11 @@ NEAREST = 16
 # Steps (1/m) of the search for the curvatures of a quadric, coarse to fine.
 CURVATURE_STEPS = (2.5, 1.0, 0.5)
 QUADRIC_TEMPER_M = 0.002
+# Steps of the search for the slopes of a plane, coarse to fine, and what it is judged with.
+SLOPE_STEPS = (0.22, 0.11, 0.055, 0.028)
+SEARCHED_STATIONS = 250
+PLANE_TEMPER_M = 0.002
+PLANE_CREASE_M = 0.004
 
 
 def plane(p: Problem, points_m: FloatArray) -> FloatArray:
@@ -38,6 +46,55 @@ def plane(p: Problem, points_m: FloatArray) -> FloatArray:
         scale = 1.4826 * float(np.median(np.abs(error))) + 1e-4
         weight = 1.0 / (1.0 + (error / scale) ** 2)
     return np.asarray(fit[0] * (uu - centre[0]) + fit[1] * (vv - centre[1]) + fit[2], dtype=np.float64)
+
+
+def tilted(p: Problem, guess: FloatArray) -> FloatArray:
+    """Best of many planes (R, C) by the likelihood of all readings, starting at a guess (R, C).
+
+    Beyond the main lobe every reading is off by an amount that depends on the tilt itself, so a plane through points
+    corrected for a typical tilt may lie in the wrong valley of the likelihood. Slopes are searched coarse to fine.
+    """
+    u, v = p.raster.nodes()
+    uu, vv = np.meshgrid(u, v)
+    domain = p.raster.domain
+    uc, vc = float(np.mean(uu[domain])), float(np.mean(vv[domain]))
+    few = thinned(p, SEARCHED_STATIONS)
+    middle = float(np.median(guess[domain]))
+
+    def fitted(a: float, b: float, level: float) -> tuple[float, float]:
+        """Cost and level of the plane with these slopes."""
+        shape = a * (uu - uc) + b * (vv - vc)
+        for _ in range(2):
+            heard = arrivals(few, shape + level, PLANE_CREASE_M)
+            error, known = residuals(few, heard)
+            direct = (known > 0.0) & (heard.kind != RIM) & (few.weight > OFF_PART)
+            if np.any(direct):
+                level += float(np.median(error[direct] / heard.gain[direct]))
+        heard = arrivals(few, shape + level, PLANE_CREASE_M)
+        return float(np.sum(misfit(few, heard, PLANE_TEMPER_M))), level
+
+    best, (lowest, level) = (0.0, 0.0), fitted(0.0, 0.0, middle)
+    for step in SLOPE_STEPS:
+        span = range(-3, 4) if step == SLOPE_STEPS[0] else range(-1, 2)
+        centre, from_level = best, level
+        for da in span:
+            for db in span:
+                trial = (centre[0] + da * step, centre[1] + db * step)
+                if trial == centre:
+                    continue
+                value, found = fitted(*trial, from_level)
+                if value < lowest:
+                    best, lowest, level = trial, value, found
+    return np.asarray(best[0] * (uu - uc) + best[1] * (vv - vc) + level, dtype=np.float64)
+
+
+def thinned(p: Problem, most: int) -> Problem:
+    """The problem with at most so many stations, evenly taken."""
+    stride = -(-len(p.stations) // most)
+    if stride <= 1:
+        return p
+    keep = np.arange(len(p.stations)) % stride == 0
+    return replace(p, stations=p.stations.select(keep), level=p.level[keep], weight=p.weight[keep])
 
 
 def quadric(p: Problem, points_m: FloatArray) -> FloatArray:
