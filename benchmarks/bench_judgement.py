@@ -112,7 +112,8 @@ def foreign(folder: Path) -> list[Result]:
         scene, beam, noise = one.name.split("_")
         group = {"flat0": "facing", "flat20": "tilted", "relief": "step"}[scene]
         name = (scene, group, 20.0 if scene == "flat20" else 0.0, beam, noise, 0)
-        found.append(shown(measured(load_scan(one), read_mesh(one / "truth.ply"), name, "v" if group == "step" else "")))
+        edge = "v" if group == "step" else ""
+        found.append(shown(measured(load_scan(one), read_mesh(one / "truth.ply"), name, edge)))
     return found
 
 

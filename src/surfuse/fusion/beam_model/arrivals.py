@@ -51,7 +51,7 @@ def _nearest_patch(
     station: FloatArray, t: float, late: float, tilt: float, slope_u: float, slope_v: float, domain: BoolArray,
     u0: float, v0: float, g: float,
 ) -> float:  # fmt: skip
-    """Range of the nearest patch that answers before the axis: uphill in the plane of incidence, while it is on the part.
+    """Range of the nearest patch that answers before the axis: uphill in the plane of incidence, on the part.
 
     At the off-axis angle d the tilted plane is at t cos(tilt) / cos(tilt - d).
     """
