@@ -22,6 +22,7 @@ from surfuse.sensors.can_array import CanArray, Parameters
 _SIMULATED_SILENCE_S = 60.0
 # Sensors that really measure may take their time: it does not pass on the simulated clock.
 _REAL_SWEEP_S = 60.0
+_TELLINGS = 3
 _numbers = itertools.count(1)
 
 
@@ -103,10 +104,17 @@ class ArrayElsewhere:
         return self._array.counters
 
     def sweep(self) -> tuple[Echo, ...]:
-        """One answer a sensor, in the order of the fixture; simulated time goes on by their firing times."""
-        if self._tether is not None:
-            self._tether.tell()
-        echoes = self._array.sweep()
+        """One answer a sensor, in the order of the fixture; simulated time goes on by their firing times.
+
+        A simulated node that is started again in the middle no longer knows where it is: it is told, and fires anew.
+        """
+        for _ in range(_TELLINGS):
+            restarts = self._array.counters.restarts
+            if self._tether is not None:
+                self._tether.tell()
+            echoes = self._array.sweep()
+            if self._tether is None or self._array.counters.restarts == restarts:
+                break
         self._clock.advance(self._sweep_s)
         return echoes
 

@@ -6,20 +6,24 @@ import signal
 import subprocess
 import sys
 import threading
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
 
+from surfuse.array_on_bus import elsewhere
 from surfuse.cell import looking_outwards, world_from_shoulder
 from surfuse.errors import ConfigError, DeviceError
+from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
-from surfuse.node.firmware import MonotonicClock
+from surfuse.node.firmware import MonotonicClock, Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import Frame
+from surfuse.node.responder import NodeIdentity, Responder
 from surfuse.pipeline.node_program import TetheredSensors, node, read_node_file
 from surfuse.records import Status
 from surfuse.settings import load
-from surfuse.twin import build_cell
+from surfuse.twin import SimulatedClock, array_sensors, build_cell, build_world, square_fixture
 from surfuse.world.tether import HostEnd, NodeEnd, Place
 
 PORT, TETHER = 43_279, 43_280
@@ -103,6 +107,96 @@ def test_the_tether_carries_places_exactly_and_passes_on_refusals():
             pass
     assert (told[0].stage, told[0].index, told[0].t_s) == ("stop", 1, 2.5)
     np.testing.assert_array_equal(told[0].world_from_grip, np.eye(4))
+
+
+def test_a_node_that_comes_back_is_configured_again_and_told_the_same_place():
+    heard = []
+
+    def end(port, name):
+        return NodeEnd(port, lambda tree: heard.append((name, tree)), lambda found: heard.append((name, found.index)))
+
+    with end(0, "first") as first:
+        port = first.port
+        host = HostEnd(port, {"seed": 3}, place, return_s=10.0)
+        with ExitStack() as opening:
+            opening.enter_context(host)
+            host.tell()
+            first.__exit__(None, None, None)
+            opening.enter_context(end(port, "second"))
+            host.tell()
+            host.tell()
+    assert heard == [("first", {"seed": 3}), ("first", 1), ("second", {"seed": 3}), ("second", 1), ("second", 1)]
+
+
+def test_a_node_that_stays_away_is_an_error_with_a_cure():
+    with NodeEnd(0, lambda tree: None, lambda found: None) as end, HostEnd(end.port, {}, place, return_s=0.3) as host:
+        host.tell()
+        end.__exit__(None, None, None)
+        with pytest.raises(DeviceError, match=r"not back after 0\.3 s; start `surfuse node` again"):
+            host.tell()
+
+
+class NodeHere:
+    """A simulated node in this process, as `surfuse node` is one in another."""
+
+    def __init__(self, bus, port, session):
+        self.simulated = TetheredSensors()
+        self.line = NodeEnd(port, self.simulated.configure, self.simulated.move)
+        responder = Responder(
+            self.simulated.sensors, self.simulated.clock, NodeIdentity(session=session), Catalogue(),
+            volley=self.simulated.volley,
+        )  # fmt: skip
+        self.node = Node(responder, BusLink(lambda: open_bus(bus), MonotonicClock(), Tally()))
+
+    def __enter__(self):
+        self.line.__enter__()
+        self.node.__enter__()
+        return self
+
+    def __exit__(self, *error):
+        self.node.__exit__(*error)
+        self.line.__exit__(*error)
+
+
+@pytest.mark.parametrize("when", ["between two sweeps", "in the middle of a sweep"])
+def test_a_simulated_node_that_is_started_again_changes_no_number(when):
+    settings = load(None, ["scene.name=tilted", "array.pings=3", "seed=5"])
+    world, _ = build_world(settings)
+    fixture, grip = square_fixture(settings), world_from_shoulder(math.radians(35.0)) @ looking_outwards(0.69, 1.11)
+    clock, stop = SimulatedClock(), [0]
+    bus = BusParameters("virtual", f"started-again-{len(when)}")
+    nodes = ExitStack()
+
+    def told():
+        return Place("stop", stop[0], clock.now_s(), grip)
+
+    class Line(HostEnd):
+        def tell(self):
+            super().tell()
+            if when == "in the middle of a sweep" and stop[0] == 1:
+                start_again()
+
+    def start_again():
+        stop[0] = 2
+        nodes.close()
+        nodes.enter_context(NodeHere(bus, port, session=2))
+
+    plain = []
+    for index in (0, 2):
+        world.begin("stop", index)
+        sensors = array_sensors(settings, fixture, world, lambda: grip, SimulatedClock())
+        plain.append([sensor.fire().range_m for sensor in sensors])
+    with nodes:
+        port = nodes.enter_context(NodeHere(bus, 0, session=1)).line.port
+        line = Line(port, settings.model_dump(), told)
+        with elsewhere(fixture, bus, 1, 5.0, line, clock, together=False) as array:
+            first = array.sweep()
+            stop[0] = 1
+            if when == "between two sweeps":
+                start_again()
+            second = array.sweep()
+        assert array.counters.restarts == 1
+    assert [[echo.range_m for echo in sweep] for sweep in (first, second)] == plain
 
 
 def test_nobody_at_the_other_end_of_the_tether_is_an_error_with_a_cure():

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import socket
 import threading
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import TracebackType
@@ -24,6 +25,7 @@ HOST = "127.0.0.1"
 LINE_LIMIT_BYTES = 1 << 20
 _OK = "ok"
 _TIMEOUT_S = 60.0
+_RETRY_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -44,58 +46,86 @@ class HostEnd:
     port : TCP port of the node.
     configuration : the host's whole configuration as plain data; the node builds its own twin from it.
     place : returns where the arm is now.
+    return_s : how long a node that has gone may take to come back.
     """
 
-    def __init__(self, port: int, configuration: Mapping[str, object], place: Callable[[], Place]) -> None:
-        self._port, self._configuration, self._place = port, configuration, place
+    def __init__(
+        self, port: int, configuration: Mapping[str, object], place: Callable[[], Place], return_s: float = 20.0
+    ) -> None:
+        self._port, self._configuration, self._place, self._return_s = port, configuration, place, return_s
         self._socket: socket.socket | None = None
 
     def __enter__(self) -> Self:
         try:
-            self._socket = socket.create_connection((HOST, self._port), _TIMEOUT_S)
+            self._connect()
         except OSError as error:
             raise DeviceError(
                 f"the simulated node cannot be told where the arm is: {error.strerror or error}",
                 cure="start `surfuse node` on this machine; a node with sensors of its own: --set bus.tether_port=0",
                 where=f"{HOST}:{self._port}",
             ) from error
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        try:
-            self._say({"configuration": self._configuration})
-        except BaseException:
-            self._socket.close()
-            raise
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._hang_up()
+
+    def tell(self) -> None:
+        """Send the stop and the arm's place now; a node that was started again is configured again first.
+
+        Raises
+        ------
+        DeviceError : the node has gone and did not come back, or refuses.
+        """
+        now = self._place()
+        pose = now.world_from_grip.ravel().tolist()
+        message = {"stage": now.stage, "index": now.index, "t_s": now.t_s, "world_from_grip": pose}
+        try:
+            self._say(message)
+        except OSError as error:
+            self._say_again(message, error)
+
+    def _connect(self) -> None:
+        self._socket = socket.create_connection((HOST, self._port), _TIMEOUT_S)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        try:
+            self._say({"configuration": self._configuration})
+        except BaseException:
+            self._hang_up()
+            raise
+
+    def _say_again(self, message: Mapping[str, object], gone: OSError) -> None:
+        give_up_s = time.monotonic() + self._return_s
+        while time.monotonic() < give_up_s:
+            self._hang_up()
+            try:
+                self._connect()
+                self._say(message)
+            except OSError:
+                time.sleep(_RETRY_S)
+            else:
+                return
+        raise DeviceError(
+            f"the simulated node has gone ({gone.strerror or gone}), and is not back after {self._return_s:g} s",
+            cure="start `surfuse node` again",
+            where=f"{HOST}:{self._port}",
+        ) from gone
+
+    def _hang_up(self) -> None:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
-    def tell(self) -> None:
-        """Send the stop and the arm's place now.
-
-        Raises
-        ------
-        DeviceError : the node has gone, or refuses.
-        """
-        now = self._place()
-        pose = now.world_from_grip.ravel().tolist()
-        self._say({"stage": now.stage, "index": now.index, "t_s": now.t_s, "world_from_grip": pose})
-
     def _say(self, message: Mapping[str, object]) -> None:
-        where = f"{HOST}:{self._port}"
         if self._socket is None:
-            raise DeviceError("the line to the simulated node is not open", cure="open the cell first", where=where)
-        try:
-            self._socket.sendall(json.dumps(message).encode() + b"\n")
-            answer = _line(self._socket, bytearray())
-        except OSError as error:
-            raise DeviceError(f"the simulated node has gone: {error}", cure="start it again", where=where) from error
+            raise ConnectionError("the line is closed")
+        self._socket.sendall(json.dumps(message).encode() + b"\n")
+        answer = _line(self._socket, bytearray())
+        if not answer:
+            raise ConnectionError("it closed the line")
         if answer != _OK:
-            raise DeviceError(f"the simulated node refuses: {answer or 'it closed the line'}", where=where)
+            raise DeviceError(f"the simulated node refuses: {answer}", where=f"{HOST}:{self._port}")
 
 
 class NodeEnd:
