@@ -25,6 +25,7 @@ from surfuse.motion.planners import Planner, torque_limited
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray, JointSamples, JointState
+from surfuse.servo_loop import CompiledTicks
 from surfuse.world.dynamics.plant import ArmPlant
 
 LAWS = ("set_points_28ms", "independent_pid", "gravity_pd", "computed_torque")
@@ -133,11 +134,12 @@ def build_servo_arm(
     parameters: trident.Parameters | None = None,
     calibrated_at_start: bool = True,
     fixture_kg: float = FIXTURE.mass_kg,
+    compiled_loop: bool = True,
 ) -> ServoArm:
     """An arm that stands at `start_rad` (6,), brakes on; it calibrates itself when it is opened, if asked to.
 
     `planner` is by default the one that goes to the torque limits. Without `calibrated_at_start` the driver is told
-    where the arm stands.
+    where the arm stands. `compiled_loop` false runs every tick through the card's registers, to the same numbers.
     """
     model = known_model(fixture_kg)
     chosen = control_law(law, model)
@@ -153,6 +155,7 @@ def build_servo_arm(
         planner or torque_limited(model, LIMITS),
         Calibration() if calibrated_at_start else start_rad,
         parameters or trident.Parameters(),
+        loop=CompiledTicks(card, plant) if compiled_loop else None,
     )
     return ServoArm(arm, plant, card, chosen, own_time)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from surfuse.arms.cards.supervision import (
 )
 from surfuse.errors import DeviceError, SafetyStopError
 from surfuse.motion.control.law import Commands, ControlLaw
-from surfuse.records import FloatArray
+from surfuse.records import FloatArray, IntArray
 
 _REST_TICKS = 20
 _REST_LIMIT_S = 2.0
@@ -34,13 +35,54 @@ class Followed:
     torque_nm: FloatArray
 
 
-class JointServo:
-    """The servo loop over one card. It knows where the joints are once `set_position` has been called."""
+ServoMemory = tuple[tuple[FloatArray, ...], tuple[IntArray, ...]]
+"""See `JointServo.memory`."""
 
-    def __init__(self, bus: reg.CardBus, scales: CardScales, law: ControlLaw, supervision: Supervision) -> None:
+
+@dataclass(frozen=True)
+class Ran:
+    """What a `TickLoop` did: ticks, supervision's verdict (about the tick after them), whether all joints arrived."""
+
+    ticks: int
+    code: int = FINE
+    arrived: bool = False
+
+
+class TickLoop(Protocol):
+    """Runs many ticks at once where it can, to the same numbers as `JointServo.tick`."""
+
+    def __call__(self, servo: JointServo, commands: Commands, first: int, until: Arrival | None) -> Ran:
+        """Run ticks from number `first` on, the last command again and again if there is something to arrive at."""
+
+
+@dataclass
+class Arrival:
+    """Every joint within `within_rad` of its target for `in_a_row` ticks; `seen` counts them, `left` is the rest."""
+
+    within_rad: float
+    in_a_row: int
+    left: int
+    seen: int = 0
+
+
+class JointServo:
+    """The servo loop over one card. It knows where the joints are once `set_position` has been called.
+
+    `loop` runs ticks faster than one by one, if there is one.
+    """
+
+    def __init__(
+        self,
+        bus: reg.CardBus,
+        scales: CardScales,
+        law: ControlLaw,
+        supervision: Supervision,
+        loop: TickLoop | None = None,
+    ) -> None:
         joints = reg.JOINTS
         self._bus = bus
         self._law = law
+        self._loop = loop
         self._scales = scales
         self._supervision = supervision
         self._motor_torque = np.ascontiguousarray(scales.joint_from_motor.T)
@@ -144,8 +186,27 @@ class JointServo:
 
     def hold(self, joints_rad: FloatArray, ticks: int) -> None:
         """Stay at joints (J,) for some ticks."""
+        if self._loop is not None and ticks > 1:
+            still = np.zeros((ticks, len(self._still)))
+            self.run(Commands(still + joints_rad, still, still))
+            return
         for _ in range(ticks):
             self.tick(joints_rad, self._still, self._still)
+
+    def hold_until(self, joints_rad: FloatArray, arrival: Arrival) -> bool:
+        """Stay at joints (J,) until every joint has arrived there, or the time for it is over; says which."""
+        commands = Commands(joints_rad[None].copy(), self._still[None], self._still[None])
+        while arrival.left > 0:
+            if self._run_fast(commands, 0, arrival).arrived:
+                return True
+            if arrival.left > 0:
+                self.tick(joints_rad, self._still, self._still)
+                arrival.left -= 1
+                near = float(np.abs(joints_rad - self._position).max()) <= arrival.within_rad
+                arrival.seen = arrival.seen + 1 if near else 0
+                if arrival.seen >= arrival.in_a_row:
+                    return True
+        return False
 
     def run(self, commands: Commands) -> None:
         """Follow commands tick by tick.
@@ -155,11 +216,46 @@ class JointServo:
         SafetyStopError : supervision stopped the arm; it is at rest, power off, brakes on.
         DeviceError : the card does not answer.
         """
-        tick = self.tick
-        for position, velocity, acceleration in zip(
-            commands.position_rad, commands.velocity_rad_s, commands.acceleration_rad_s2, strict=True
-        ):
-            tick(position, velocity, acceleration)
+        done = 0
+        while done < len(commands):
+            done += self._run_fast(commands, done, None).ticks
+            if done < len(commands):
+                self.tick(
+                    commands.position_rad[done], commands.velocity_rad_s[done], commands.acceleration_rad_s2[done]
+                )
+                done += 1
+
+    def _run_fast(self, commands: Commands, first: int, until: Arrival | None) -> Ran:
+        """As many ticks as the loop can do at once, perhaps none."""
+        if self._loop is None:
+            return Ran(0)
+        ran = self._loop(self, commands, first, until)
+        self._outputs ^= reg.OUT_WATCHDOG * (ran.ticks % 2)
+        if ran.code != FINE:
+            row = min(first + ran.ticks, len(commands) - 1)
+            self._stop(self._describe(ran.code, commands.position_rad[row]))
+        return ran
+
+    @property
+    def memory(self) -> ServoMemory:
+        """Reals (constants, matrices, zero, scales, state, torque), then words and counts; a loop moves them on."""
+        reals = (
+            self._constants,
+            self._joint_from_motor,
+            self._zero,
+            self._motor_torque,
+            self._counts_per_nm,
+            self._position,
+            self._velocity,
+            self._anchor,
+            self._torque,
+        )
+        return reals, (self._new_words, self._last_words, self._counts, self._dac)
+
+    @property
+    def law(self) -> ControlLaw:
+        """The control law."""
+        return self._law
 
     def run_recorded(self, commands: Commands) -> Followed:
         """Follow commands as `run` does, and tell what happened."""

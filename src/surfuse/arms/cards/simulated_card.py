@@ -15,6 +15,9 @@ from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import Clock, Generator
 from surfuse.records import FloatArray, IntArray
 
+CardMemory = tuple[tuple[FloatArray, ...], tuple[FloatArray, ...], tuple[IntArray, ...]]
+"""See `SimulatedCard.memory`."""
+
 
 class Plant(Protocol):
     """An arm that torques move."""
@@ -77,7 +80,7 @@ class SimulatedCard:
         self._zero = np.asarray(scales.zero_rad)
         self._per_count = np.asarray(scales.rad_per_count)
         self._motor_from_joint = scales.motor_from_joint
-        self._torque_per_word = scales.motor_from_joint.T / np.asarray(scales.counts_per_nm)
+        self._torque_per_word = np.ascontiguousarray(scales.motor_from_joint.T / np.asarray(scales.counts_per_nm))
         self._turn = np.asarray(scales.counts_per_turn)
         self._phase = np.asarray(parameters.index_phase)
         self._absolute = np.zeros(reg.JOINTS, dtype=np.int64)
@@ -86,7 +89,9 @@ class SimulatedCard:
         self._frozen = np.full(reg.JOINTS, -1, dtype=np.int64)
         self._index_words = [0] * reg.JOINTS
         self._index_seen = 0
-        self._words = [reg.DAC_ZERO] * reg.JOINTS
+        self._words = np.full(reg.JOINTS, reg.DAC_ZERO, dtype=np.int64)
+        self._shown = np.empty(reg.JOINTS, dtype=np.int64)
+        self._before = np.zeros(reg.JOINTS, dtype=np.int64)
         self._torque = np.zeros(reg.JOINTS)
         self._outputs = 0
         self._unfed_s = 0.0
@@ -123,7 +128,8 @@ class SimulatedCard:
         if self._silent:
             return
         if register == reg.DAC_BASE:
-            self._words = [word & reg.DAC_FULL for word in words]
+            self._words[:] = words
+            self._words &= reg.DAC_FULL
         elif register == reg.DISCRETE_REG:
             self._set_outputs(words[0])
         elif register == reg.ADC_MUX_SELECT:
@@ -150,6 +156,28 @@ class SimulatedCard:
     def look_again(self) -> None:
         """Count where the arm is now, after it was put somewhere without time passing."""
         self._count()
+
+    @property
+    def undisturbed(self) -> bool:
+        """Whether nothing but time will pass at the next ticks: power on, brakes off, no fault in the way of them."""
+        released = bool(self._outputs & reg.OUT_BRAKE_RELEASE)
+        return self._powered and released and not self._silent and self._stall_s == 0.0
+
+    @property
+    def memory(self) -> CardMemory:
+        """Scales, (torque per word, torques), and counts (absolute, offset, stuck, before, index phase and turn)."""
+        scales = self._zero, self._motor_from_joint, self._per_count
+        counts = self._absolute, self._offset, self._frozen, self._before, self._phase, self._turn
+        return scales, (self._torque_per_word, self._torque), counts
+
+    def has_run(self, ticks: int, period_s: float, words: IntArray, passed: bool) -> None:
+        """Take over what a loop over `memory` has done: its last converter words (J,), whether an index was passed."""
+        self._words[:] = words
+        self._unfed_s = period_s
+        self._outputs ^= reg.OUT_WATCHDOG * (ticks % 2)
+        if passed:
+            self._latch()
+        self._clock.advance(ticks * period_s)
 
     # Faults ------------------------------------------------------------------------------------------------------
 
@@ -185,11 +213,11 @@ class SimulatedCard:
     # Inside ------------------------------------------------------------------------------------------------------
 
     def _count(self) -> None:
-        _absolute_counts(self._plant.position_rad, self._zero, self._motor_from_joint, self._per_count, self._absolute)
+        absolute_counts(self._plant.position_rad, self._zero, self._motor_from_joint, self._per_count, self._absolute)
 
     def _counters(self) -> list[int]:
-        words = (self._absolute + self._offset) & 0xFFFF
-        found: list[int] = np.where(self._frozen >= 0, self._frozen, words).tolist()
+        shown_words(self._absolute, self._offset, self._frozen, self._shown)
+        found: list[int] = self._shown.tolist()
         return found
 
     def _set_outputs(self, word: int) -> None:
@@ -216,21 +244,21 @@ class SimulatedCard:
 
     def _let_pass(self, duration_s: float) -> None:
         if self._powered:
-            _joint_torques(self._words, self._torque_per_word, self._torque)
+            joint_torques(self._words, self._torque_per_word, self._torque)
             self._unfed_s += duration_s
         else:
             self._torque[:] = 0.0
         self._plant.step(self._torque, duration_s)
-        before = self._absolute.copy()
+        self._before[:] = self._absolute
         self._count()
-        if _passed_index(before, self._absolute, self._phase, self._turn):
-            self._latch(before)
+        if passed_index(self._before, self._absolute, self._phase, self._turn):
+            self._latch()
         if self._powered and self._unfed_s > self._parameters.watchdog_s:
             self._cut()
 
-    def _latch(self, before: IntArray) -> None:
+    def _latch(self) -> None:
         for j in range(reg.JOINTS):
-            low, high = sorted((int(before[j]), int(self._absolute[j])))
+            low, high = sorted((int(self._before[j]), int(self._absolute[j])))
             turn, phase = int(self._turn[j]), int(self._phase[j])
             index = phase + turn * ((high - phase) // turn)
             if low < index <= high:
@@ -246,9 +274,10 @@ class SimulatedCard:
 
 
 @compiled
-def _absolute_counts(
+def absolute_counts(
     q: FloatArray, zero: FloatArray, motor_from_joint: FloatArray, per_count: FloatArray, counts: IntArray
 ) -> None:
+    """Write the absolute counts (J,) of the motors at joints (J,)."""
     for i in range(q.shape[0]):
         motor = 0.0
         for j in range(q.shape[0]):
@@ -256,14 +285,26 @@ def _absolute_counts(
         counts[i] = int(np.floor(motor / per_count[i] + 0.5))
 
 
-def _joint_torques(words: Sequence[int], torque_per_word: FloatArray, torque: FloatArray) -> None:
-    torque[:] = words
-    torque -= reg.DAC_ZERO
-    torque[:] = torque_per_word @ torque
+@compiled
+def shown_words(absolute: IntArray, offset: IntArray, frozen: IntArray, words: IntArray) -> None:
+    """Write what the 16-bit counters (J,) show; those that are stuck show what they did."""
+    for j in range(words.shape[0]):
+        words[j] = frozen[j] if frozen[j] >= 0 else (absolute[j] + offset[j]) & 0xFFFF
 
 
 @compiled
-def _passed_index(before: IntArray, after: IntArray, phase: IntArray, turn: IntArray) -> bool:
+def joint_torques(words: IntArray, torque_per_word: FloatArray, torque: FloatArray) -> None:
+    """Write the joint torques (J,) of converter words (J,)."""
+    for i in range(torque.shape[0]):
+        total = 0.0
+        for j in range(torque.shape[0]):
+            total += torque_per_word[i, j] * (words[j] - reg.DAC_ZERO)
+        torque[i] = total
+
+
+@compiled
+def passed_index(before: IntArray, after: IntArray, phase: IntArray, turn: IntArray) -> bool:
+    """Whether any motor has passed an index pulse."""
     for j in range(before.shape[0]):
         low, high = min(before[j], after[j]), max(before[j], after[j])
         if (high - phase[j]) // turn[j] != (low - phase[j]) // turn[j]:

@@ -81,28 +81,39 @@ class ComputedTorque:
         torque_nm: FloatArray,
     ) -> None:
         """See `ControlLaw.torque`."""
-        _reference(
+        computed_torque(*self.memory, wanted_rad, wanted_rad_s, wanted_rad_s2, measured_rad, measured_rad_s, torque_nm)
+
+    @property
+    def memory(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+        """What `computed_torque` takes first: the arm's model, and the loop with its integrators, which move on."""
+        return self._arguments, (
             self._gains,
             self._integral_max,
-            wanted_rad,
-            wanted_rad_s,
-            wanted_rad_s2,
-            measured_rad,
-            measured_rad_s,
             self._integral,
             self._acceleration,
-        )
-        newton_euler(*self._arguments, measured_rad, measured_rad_s, self._acceleration, torque_nm)
-        _add_friction(
-            self._gains,
             self._viscous,
             self._dry,
             self._limit_nm,
-            wanted_rad,
-            wanted_rad_s,
-            measured_rad,
-            torque_nm,
         )
+
+
+@compiled
+def computed_torque(
+    model: tuple[FloatArray, ...],
+    loop: tuple[FloatArray, ...],
+    wanted: FloatArray,
+    wanted_speed: FloatArray,
+    wanted_rate: FloatArray,
+    measured: FloatArray,
+    measured_speed: FloatArray,
+    torque: FloatArray,
+) -> None:
+    """Write the joint torques (J,) of one tick."""
+    d, a, alpha, mass, center, inertia, armature, gravity = model
+    gains, integral_max, integral, acceleration, viscous, dry, limit = loop
+    _reference(gains, integral_max, wanted, wanted_speed, wanted_rate, measured, measured_speed, integral, acceleration)
+    newton_euler(d, a, alpha, mass, center, inertia, armature, gravity, measured, measured_speed, acceleration, torque)
+    _add_friction(gains, viscous, dry, limit, wanted, wanted_speed, measured, torque)
 
 
 @compiled

@@ -12,6 +12,22 @@ import numpy as np
 from surfuse.geometry.compiled import compiled
 from surfuse.records import FloatArray
 
+Scratch = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""Memory of `motion_terms`, made once: asking for it at every step would take as long as the step."""
+
+
+@compiled
+def scratch_of(joints: int) -> Scratch:
+    """Memory for an arm of J joints."""
+    rows = joints + 1
+    return (
+        np.empty((3, rows, 3)),
+        np.empty((joints, 3, 3)),
+        np.empty((2, joints, 3)),
+        np.empty((6, 3)),
+        np.empty((2, 3, 3)),
+    )
+
 
 @compiled
 def motion_terms(
@@ -26,20 +42,19 @@ def motion_terms(
     qd: FloatArray,
     matrix: FloatArray,
     bias: FloatArray,
+    scratch: Scratch,
 ) -> None:
     """Write inertia (J, J) without motors and bias torques (J,) (Coriolis, centrifugal, gravity) of a state (J,).
 
     The inertia is that of composite bodies (Walker and Orin, J. Dynamic Systems, Measurement and Control 104(3),
     1982): column j is the momentum of everything beyond joint j when that joint alone turns at unit speed.
+    `scratch` is what `scratch_of(J)` gives; its content does not matter.
     """
-    n = q.shape[0]
-    axis = np.empty((n, 3))
-    origin = np.empty((n + 1, 3))
-    place = np.empty((n, 3))
-    spun = np.empty((n, 3, 3))
-    _links(d, a, alpha, center, inertia, q, axis, origin, place, spun)
-    _composite(axis, origin, place, spun, mass, matrix)
-    _bias(axis, origin, place, spun, mass, gravity, qd, bias)
+    frames, spun, forces, small, square = scratch
+    axis, origin, place = frames[0], frames[1], frames[2]
+    _links(d, a, alpha, center, inertia, q, axis, origin, place, spun, square)
+    _composite(axis, origin, place, spun, mass, matrix, small, square)
+    _bias(axis, origin, place, spun, mass, gravity, qd, bias, forces, small)
 
 
 @compiled
@@ -54,10 +69,12 @@ def _links(
     origin: FloatArray,
     place: FloatArray,
     spun: FloatArray,
+    square: FloatArray,
 ) -> None:
     """Joint axes and origins, centres of gravity and inertias of the links, all in world axes."""
-    turn = np.eye(3)
-    half = np.empty((3, 3))
+    turn, half = square[0], square[1]
+    turn[:] = 0.0
+    turn[0, 0], turn[1, 1], turn[2, 2] = 1.0, 1.0, 1.0
     origin[0] = 0.0
     for j in range(q.shape[0]):
         cq, sq, ca, sa = math.cos(q[j]), math.sin(q[j]), math.cos(alpha[j]), math.sin(alpha[j])
@@ -82,12 +99,20 @@ def _links(
 
 @compiled
 def _composite(
-    axis: FloatArray, origin: FloatArray, place: FloatArray, spun: FloatArray, mass: FloatArray, matrix: FloatArray
+    axis: FloatArray,
+    origin: FloatArray,
+    place: FloatArray,
+    spun: FloatArray,
+    mass: FloatArray,
+    matrix: FloatArray,
+    small: FloatArray,
+    square: FloatArray,
 ) -> None:
     n = mass.shape[0]
     total = 0.0
-    first = np.zeros(3)
-    second = np.zeros((3, 3))
+    first, second = small[0], square[0]
+    first[:] = 0.0
+    second[:] = 0.0
     for step in range(n):
         j = n - 1 - step
         m = mass[j]
@@ -126,14 +151,14 @@ def _bias(
     gravity: float,
     qd: FloatArray,
     bias: FloatArray,
+    forces: FloatArray,
+    small: FloatArray,
 ) -> None:
     n = mass.shape[0]
-    force = np.empty((n, 3))
-    moment = np.empty((n, 3))
-    w = np.zeros(3)
-    e = np.zeros(3)
-    point = np.array([0.0, 0.0, gravity])
-    there = np.empty(3)
+    force, moment = forces[0], forces[1]
+    w, e, point, there, f, m = small[0], small[1], small[2], small[3], small[4], small[5]
+    small[:] = 0.0
+    point[2] = gravity
     for j in range(n):
         z = axis[j]
         e[0] += (w[1] * z[2] - w[2] * z[1]) * qd[j]
@@ -156,8 +181,6 @@ def _bias(
         _carry(w, e, origin[j], origin[j + 1], point, there)
         for r in range(3):
             point[r] = there[r]
-    f = np.zeros(3)
-    m = np.zeros(3)
     for step in range(n):
         j = n - 1 - step
         for r in range(3):

@@ -10,7 +10,12 @@ from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.compiled import compiled
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.records import FloatArray
-from surfuse.world.dynamics.equations import motion_terms
+from surfuse.world.dynamics.equations import Scratch, motion_terms, scratch_of
+
+PlantMemory = tuple[
+    tuple[FloatArray, ...], FloatArray, tuple[FloatArray, ...], tuple[FloatArray, ...], FloatArray, Scratch
+]
+"""See `ArmPlant.memory`."""
 
 _SWEEPS = 30
 _STILL_RAD_S = 1e-9
@@ -73,10 +78,11 @@ class ArmPlant:
             dynamics.mass_kg,
             dynamics.center_m,
             dynamics.inertia_kg_m2,
-            dynamics.gravity_m_s2,
+            np.array([dynamics.gravity_m_s2]),
             dynamics.armature_kg_m2,
             dynamics.viscous_nm_s,
         )
+        self._matrices, self._scratch = np.empty((5, joints, joints)), scratch_of(joints)
         self.brakes_on = True
         self.rest_at(start_rad)
 
@@ -99,7 +105,7 @@ class ArmPlant:
     def brakes_on(self, applied: bool) -> None:
         self._brakes_on = applied
         dry = self._dynamics.coulomb_nm + (self._brake[:, None] if applied else 0.0)
-        self._forwards, self._backwards = np.ascontiguousarray(dry[:, 0]), np.ascontiguousarray(dry[:, 1])
+        self._dry = np.ascontiguousarray(dry.T)
 
     def rest_at(self, position_rad: FloatArray) -> None:
         """Put the arm there, at rest, without history."""
@@ -116,51 +122,41 @@ class ArmPlant:
 
     def step(self, torque_nm: FloatArray, duration_s: float) -> None:
         """Let joint torques (J,) act for a while."""
-        steps = max(1, round(duration_s / self._parameters.substep_s))
-        _integrate(
-            *self._arguments,
-            self._forwards,
-            self._backwards,
-            self._low,
-            self._high,
-            torque_nm,
-            duration_s / steps,
-            steps,
-            self._position,
-            self._velocity,
-            self._impulse,
-        )
+        steps = self.steps_in(duration_s)
+        integrate(*self.memory, torque_nm, duration_s / steps, steps)
+
+    def steps_in(self, duration_s: float) -> int:
+        """Number of integration steps in a time."""
+        return max(1, round(duration_s / self._parameters.substep_s))
+
+    @property
+    def memory(self) -> PlantMemory:
+        """What `integrate` takes first: arm, friction, end stops, state (which moves on), and room to work."""
+        state = self._position, self._velocity, self._impulse
+        return self._arguments, self._dry, (self._low, self._high), state, self._matrices, self._scratch
 
 
 @compiled
-def _integrate(
-    d: FloatArray,
-    a: FloatArray,
-    alpha: FloatArray,
-    mass: FloatArray,
-    center: FloatArray,
-    inertia: FloatArray,
-    gravity: float,
-    armature: FloatArray,
-    viscous: FloatArray,
-    forwards: FloatArray,
-    backwards: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
+def integrate(
+    arm: tuple[FloatArray, ...],
+    dry: FloatArray,
+    ends: tuple[FloatArray, ...],
+    state: tuple[FloatArray, ...],
+    matrices: FloatArray,
+    scratch: Scratch,
     torque: FloatArray,
     h: float,
     steps: int,
-    q: FloatArray,
-    qd: FloatArray,
-    impulse: FloatArray,
 ) -> None:
+    """Let joint torques (J,) act for some steps of length h (s); see `ArmPlant`."""
+    d, a, alpha, mass, center, inertia, gravity, armature, viscous = arm
+    forwards, backwards = dry[0], dry[1]
+    low, high = ends
+    q, qd, impulse = state
     n = q.shape[0]
-    matrix = np.empty((n, n))
-    mobility = np.empty((n, n))
-    bias = np.empty(n)
+    matrix, mobility, lower, bias, momentum = matrices[0], matrices[1], matrices[2], matrices[3, 0], matrices[4, 0]
     for _ in range(steps):
-        motion_terms(d, a, alpha, mass, center, inertia, gravity, q, qd, matrix, bias)
-        momentum = np.empty(n)
+        motion_terms(d, a, alpha, mass, center, inertia, gravity[0], q, qd, matrix, bias, scratch)
         for i in range(n):
             matrix[i, i] += armature[i]
             momentum[i] = h * (torque[i] - bias[i])
@@ -169,7 +165,7 @@ def _integrate(
         for i in range(n):
             # Viscous friction is taken at the end of the step, which keeps any step length stable.
             matrix[i, i] += h * viscous[i]
-        _inverse(matrix, mobility)
+        _inverse(matrix, mobility, lower)
         for i in range(n):
             qd[i] = 0.0
             for j in range(n):
@@ -183,10 +179,9 @@ def _integrate(
 
 
 @compiled
-def _inverse(matrix: FloatArray, result: FloatArray) -> None:
-    """Inverse of a small symmetric positive definite matrix by Cholesky's method."""
+def _inverse(matrix: FloatArray, result: FloatArray, lower: FloatArray) -> None:
+    """Inverse of a small symmetric positive definite matrix by Cholesky's method; `lower` (J, J) is room to work."""
     n = matrix.shape[0]
-    lower = np.zeros((n, n))
     for j in range(n):
         for i in range(j, n):
             total = matrix[i, j]
