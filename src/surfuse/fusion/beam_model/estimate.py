@@ -23,7 +23,9 @@ FLAT, STIFF, PLAIN, SOFT, FREE, WAVY, ROUND = (
 )  # fmt: skip
 DENSITIES = (FLAT, STIFF, PLAIN, SOFT, FREE, WAVY, ROUND)
 SHARP = (0.0005,) * 2 + (0.0,) * 5
+REFINED = (0.0005,) * 2 + (0.0,) * 6
 MOSTLY = 0.6
+STIFFER = (FLAT, PLAIN)
 BENT = (0.002,) * 3 + (0.0005,) * 2 + (0.0,) * 5
 ANNEALED = (0.005,) * 4 + (0.002,) * 3 + (0.0005,) * 2 + (0.0,) * 4
 
@@ -120,10 +122,18 @@ def breaks(height: FloatArray, crease_m: float) -> BoolArray:
 
 
 def refine(coarse: Problem, fine: Problem, best: Solution) -> Solution:
-    """The best explanation on the finer raster; an edge of the same length breaks twice as many differences there."""
-    stiffness = replace(best.stiffness, edge=0.5 * best.stiffness.edge)
-    found = find(fine, finer(coarse, best, fine.raster), best.start, stiffness, (0.0005,) * 2 + (0.0,) * 6)
+    """The best explanation on the finer raster; an edge of the same length breaks twice as many differences there.
+
+    In speckle a soft prior that won on the coarse raster may follow the grain on the finer one: stiffer ones compete.
+    """
+    start = finer(coarse, best, fine.raster)
+    own = (best.stiffness.second, best.stiffness.third)
+    rivals = [pair for pair in STIFFER if pair[0] < own[0]] if np.mean(fine.surfels.coherent) < MOSTLY else []
+    trials = [
+        find(fine, start, best.start, Stiffness(*pair, 0.5 * best.stiffness.edge), REFINED) for pair in (own, *rivals)
+    ]
+    found = min(trials, key=lambda solution: solution.score)
     whole = reattached(fine, found.height_m, found.heard, found.crease_m)
     found = replace(found, height_m=whole, heard=arrivals(fine, whole, found.crease_m))
-    height, heard = settle(fine, found.height_m, found.heard, stiffness, found.crease_m, steps=(1,))
+    height, heard = settle(fine, found.height_m, found.heard, found.stiffness, found.crease_m, steps=(1,))
     return replace(found, height_m=height, heard=heard)
