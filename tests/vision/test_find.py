@@ -181,3 +181,14 @@ def test_impossible_parameters_are_refused(values):
 def test_impossible_table_is_refused():
     with pytest.raises(ConfigError):
         TableRing(1.0, 1.3, 1.2)
+
+
+def test_part_joined_with_the_table_is_found_beside_one_that_is_not():
+    # Half of the table is as bright as the dark part on it, so the first threshold takes both for one ragged region.
+    image = scene([(300, 440, 440, 500, 200.0), (330, 415, 200, 250, 110.0)], noise=6.0)
+    image[402:, :380] = np.clip(image[402:, :380].astype(int) + 45, 0, 255)
+    found = find_parts(frame(image), table=TableRing())
+    assert sorted(round(part.centroid_px[0]) for part in found) == [
+        pytest.approx(225, abs=3),
+        pytest.approx(469, abs=3),
+    ]

@@ -95,3 +95,12 @@ def test_no_edge_where_the_camera_looks_away():
 def test_impossible_parameters_are_refused(values):
     with pytest.raises(ConfigError):
         StandingParameters(**values)
+
+
+def test_faint_thing_behind_the_table_ends_where_it_is_wide():
+    upper = block(200, 290, 300, FAR)
+    thread = [[246, FAR], [246, FAR + 25], [240, FAR + 25], [240, FAR]]
+    detection, image = seen(np.vstack([upper[:3], thread, upper[3:]]))
+    image[(image == 180)] = 90
+    image[int(FAR) + 1 :, 240:247] = 65
+    assert not stands(detection, image)

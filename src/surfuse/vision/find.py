@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import compress
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ from surfuse.vision.threshold import METHODS, Threshold, otsu, threshold
 
 _MIDDLE = 128.0
 _DIVISIONS = 4
+_SPECK = 4.0
 
 
 @dataclass(frozen=True)
@@ -125,8 +127,8 @@ def _divided(
 ) -> tuple[Detection, ...]:
     """Regions of the class that is not behind, when the grey levels of `even` fall into two classes at all.
 
-    A part may be joined with something that is no part (a table between it and a dark room). So unless all
-    regions are accepted, their class is divided again, by Otsu's method: the other ones may need a whole picture.
+    A part may be joined with something that is no part (a table between it and a dark room). So unless all regions but
+    specks are accepted, their class is divided again, by Otsu's method: the other ones may need a whole picture.
     """
     divided = threshold(even, chosen.method)
     accepted: list[Detection] = []
@@ -134,9 +136,12 @@ def _divided(
     for _ in range(_DIVISIONS):
         mask = even > divided.level if bright else even <= divided.level
         if divided.separability >= chosen.separability_min:
-            found = _detections(smooth, mask, bright, divided, chosen)
-            accepted += [part for part in filter(accept, found) if not any(_holds(known, part) for known in accepted)]
-            if found and all(map(accept, found)):
+            found = _traced(smooth, mask, bright, divided, chosen)
+            good = [one.confidence >= chosen.edge_share_min and accept(one) for one in found]
+            parts = list(compress(found, good))
+            accepted += [part for part in parts if not any(_holds(known, part) for known in accepted)]
+            specks = (one.area_px <= _SPECK * chosen.area_min_px for one in found)
+            if parts and all(part or speck for part, speck in zip(good, specks, strict=True)):
                 break
         if not mask.any():
             break
@@ -153,11 +158,19 @@ def _holds(outer: Detection, inner: Detection) -> bool:
 def _detections(
     smooth: ByteArray, mask: BoolArray, bright: bool, divided: Threshold, chosen: FindParameters
 ) -> tuple[Detection, ...]:
-    found = (
+    """Regions with enough of a real edge to be a part."""
+    found = _traced(smooth, mask, bright, divided, chosen)
+    return tuple(detection for detection in found if detection.confidence >= chosen.edge_share_min)
+
+
+def _traced(
+    smooth: ByteArray, mask: BoolArray, bright: bool, divided: Threshold, chosen: FindParameters
+) -> list[Detection]:
+    """All regions of a mask that are not too small."""
+    return [
         _detection(smooth, region, bright, divided, chosen.contrast_min)
         for region in trace(mask.view(np.uint8), chosen.area_min_px)
-    )
-    return tuple(detection for detection in found if detection.confidence >= chosen.edge_share_min)
+    ]
 
 
 def _detection(smooth: ByteArray, region: Boundary, bright: bool, divided: Threshold, contrast_min: float) -> Detection:

@@ -15,6 +15,8 @@ _RING_PX = 9
 _GAP_PX = 5
 _DARKEST_SHARE = 0.25
 _ROW_PIXELS = 2
+_THREAD_LEVELS = 25.0
+_FAINT_WIDTH = 1.0 / 3.0
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,8 @@ def _is_table(detection: Detection, frame: CameraFrame, table: TableRing, chosen
 def _bright_foot(detection: Detection, smooth: ByteArray) -> FloatArray | None:
     """The lowest pixel (2,) of a region that is clearly unlike what is around its foot; None without such a difference.
 
-    Threads of noise that hang from a region are like what is around them, halfway at most to its darkest side.
+    Threads of noise that hang from a region are like what is around them, halfway at most to its darkest side. Where
+    the region itself is hardly different, its foot is where it is a third as wide as elsewhere: threads are narrow.
     """
     contour = np.rint(detection.contour_px).astype(np.int32)
     low = np.maximum(contour.min(axis=0) - _RING_PX, 0)
@@ -102,7 +105,9 @@ def _bright_foot(detection: Detection, smooth: ByteArray) -> FloatArray | None:
     differs = side * (window - ground)
     least = 0.5 * float(np.quantile(differs[inside], _DARKEST_SHARE))
     solid = inside & (differs > least)
-    rows = np.flatnonzero(solid.sum(axis=1) >= _ROW_PIXELS)
+    width = solid.sum(axis=1)
+    faint = least < _THREAD_LEVELS
+    rows = np.flatnonzero(width >= (_FAINT_WIDTH * np.median(width[width > 0]) if faint else _ROW_PIXELS))
     if len(rows) == 0 or least <= 0.0:
         return None
     row = int(rows[-1])
