@@ -20,9 +20,12 @@ from surfuse.sensors.can_array import CanArray, Parameters
 
 # A simulated node compiles its kernels at the first reading, which takes seconds on a slow machine.
 _SIMULATED_SILENCE_S = 60.0
+_REAL_SILENCE_S = 10.0
 # Sensors that really measure may take their time: it does not pass on the simulated clock.
 _REAL_SWEEP_S = 60.0
 _TELLINGS = 3
+# A sweep without any answer is an error at once: the scan tries the same stop again, and a resumed run goes on there.
+_LOST_SWEEPS = 1
 _numbers = itertools.count(1)
 
 
@@ -143,7 +146,7 @@ def in_process(
     """
     bus = BusParameters("virtual", f"surfuse-{next(_numbers)}")
     responder = Responder(sensors, clock, NodeIdentity(node), Catalogue(), volley=volley)
-    patience = Patience(silence_limit_s=_SIMULATED_SILENCE_S)
+    patience = Patience(silence_limit_s=_SIMULATED_SILENCE_S, lost_sweeps_limit=_LOST_SWEEPS)
     host = Parameters(bus=bus, node=node, patience=patience, together=together)
     return ArrayInProcess(
         Node(responder, BusLink(_opener(bus), clock, Tally())), _can_array(fixture, host, clock, clock)
@@ -160,7 +163,8 @@ def elsewhere(
     together: bool,
 ) -> ArrayElsewhere:
     """Sensors behind a node in another process; `tether` is for a node whose sensors are simulated."""
-    patience = Patience(silence_limit_s=_SIMULATED_SILENCE_S, connect_timeout_s=connect_timeout_s)
+    silence_s = _REAL_SILENCE_S if tether is None else _SIMULATED_SILENCE_S
+    patience = Patience(silence_limit_s=silence_s, connect_timeout_s=connect_timeout_s, lost_sweeps_limit=_LOST_SWEEPS)
     sweep_s = _firing_time_s(fixture, together)
     arrivals = _ArrivalClock(clock, _REAL_SWEEP_S if tether is None else sweep_s)
     host = Parameters(bus=bus, node=node, patience=patience, together=together)

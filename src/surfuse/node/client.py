@@ -81,6 +81,7 @@ class NodeClient:
         self._kit_answer: Acknowledge | None = None
         self._unconfigured = False
         self._rivals = False
+        self._deaf_since_s: float | None = None
         self.watch = NodeWatch()
 
     def connect(self) -> None:
@@ -127,8 +128,8 @@ class NodeClient:
             if self._unconfigured:
                 self._configure_again()
             news = exchange.news
-            self._link.send(self._catalogue.encode(exchange.trigger(self._clock.now_s())))
-            self._listen(exchange, min(wait_s, patience.silence_limit_s))
+            limit_s = self._send(exchange.trigger(self._clock.now_s()))
+            self._listen(exchange, min(wait_s, limit_s))
             if exchange.void or not exchange.missing:
                 break
             if exchange.news > news:
@@ -137,9 +138,9 @@ class NodeClient:
                 continue
             # The node is silent, or slower than we thought: firing may take longer than our patience.
             silent_s = self._monotonic_s() - heard_s
-            if silent_s >= patience.silence_limit_s:
+            if silent_s >= limit_s:
                 break
-            wait_s = min(2.0 * wait_s, patience.silence_limit_s - silent_s)
+            wait_s = min(2.0 * wait_s, limit_s - silent_s)
         exchange.over = True
         if self._rivals:
             raise self.lost()
@@ -165,6 +166,11 @@ class NodeClient:
             what = f"two nodes answer under this id (boards heard: {boards})"
             return DeviceError(what, cure="give each node an id of its own", where=where)
         counts = self._tally.snapshot()
+        if self._deaf_since_s is not None:
+            what = (
+                f"the CAN adapter takes no frames ({counts.send_errors} not sent, opened anew {counts.reopened} times)"
+            )
+            return DeviceError(what, cure="plug it in again; see `surfuse devices`", where=where)
         what = (
             f"no trustworthy answer ({counts.frames} frames received, {counts.unanswered} triggers unanswered, "
             f"{counts.refused} sensors refused, {counts.conflicts} conflicts, {counts.restarts} restarts, "
@@ -181,6 +187,17 @@ class NodeClient:
         who = self._node, self._sequence, self._epoch, self._specs, self._tally
         self._current = Exchange(*who, self._speed_m_s, self._together)
         return self._current
+
+    def _send(self, trigger: Trigger) -> float:
+        """Send a trigger; returns how long it makes sense to wait for an answer."""
+        if self._link.send(self._catalogue.encode(trigger)):
+            self._deaf_since_s = None
+            return self._patience.silence_limit_s
+        now_s = self._monotonic_s()
+        if self._deaf_since_s is None:
+            self._deaf_since_s = now_s
+        left_s = self._patience.adapter_limit_s - (now_s - self._deaf_since_s)
+        return min(max(left_s, 0.0), self._patience.silence_limit_s)
 
     def _listen(self, exchange: Exchange, wait_s: float) -> None:
         deadline_s = self._monotonic_s() + wait_s

@@ -14,6 +14,7 @@ class Patience:
     answer_timeout_s : wait for the next frame of an answer before asking again; doubles until the node says that it
         is done.
     silence_limit_s : a sweep is given up when the node has said nothing about it for so long.
+    adapter_limit_s : how long an adapter may take no frames at all, over all sweeps; it is opened anew meanwhile.
     rounds : how often a sweep is fired at all, when its answers cannot be trusted or completed.
     reorder_grace_s : wait for frames that a reordering bus still holds after the node has said that it is done.
     connect_timeout_s : wait for the first heartbeat.
@@ -23,6 +24,7 @@ class Patience:
 
     answer_timeout_s: float = 0.5
     silence_limit_s: float = 5.0
+    adapter_limit_s: float = 5.0
     rounds: int = 3
     reorder_grace_s: float = 0.005
     connect_timeout_s: float = 5.0
@@ -33,6 +35,7 @@ class Patience:
         positive = (
             ("answer_timeout_s", self.answer_timeout_s),
             ("silence_limit_s", self.silence_limit_s),
+            ("adapter_limit_s", self.adapter_limit_s),
             ("connect_timeout_s", self.connect_timeout_s),
         )
         for name, value in positive:

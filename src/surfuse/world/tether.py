@@ -54,6 +54,7 @@ class HostEnd:
     ) -> None:
         self._port, self._configuration, self._place, self._return_s = port, configuration, place, return_s
         self._socket: socket.socket | None = None
+        self._given_up = False
 
     def __enter__(self) -> Self:
         try:
@@ -96,15 +97,19 @@ class HostEnd:
             raise
 
     def _say_again(self, message: Mapping[str, object], gone: OSError) -> None:
-        give_up_s = time.monotonic() + self._return_s
-        while time.monotonic() < give_up_s:
+        give_up_s = time.monotonic() + (0.0 if self._given_up else self._return_s)
+        self._given_up = True
+        while True:
             self._hang_up()
             try:
                 self._connect()
                 self._say(message)
             except OSError:
+                if time.monotonic() >= give_up_s:
+                    break
                 time.sleep(_RETRY_S)
             else:
+                self._given_up = False
                 return
         raise DeviceError(
             f"the simulated node has gone ({gone.strerror or gone}), and is not back after {self._return_s:g} s",
