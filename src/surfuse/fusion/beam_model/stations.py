@@ -11,6 +11,11 @@ from surfuse.records import BoolArray, FloatArray, FusionScene, IntArray, Readin
 
 SAME_PLACE_M = 0.0015
 SAME_AXIS = 0.01
+# Neighbours among which one beside the nearest is looked for, how far off its direction (cosine), and from which ratio
+# of the two distances on the points lie on lines.
+AROUND = 40
+SIDEWAYS = 0.7
+LINES = 2.0
 AGREEMENT_SIGMAS = 4.0
 AGREEMENT_FLOOR_M = 0.002
 # A surface steeper than this between neighbours is a step, not a slope.
@@ -141,15 +146,29 @@ def gather(readings: Readings, scene: FusionScene) -> Stations:
 
 
 def spacing(stations: Stations) -> float:
-    """Typical distance (m) between neighbouring own-axis points across the part (nan: fewer than two)."""
+    """Typical distance (m) between neighbouring own-axis points across the part (nan: fewer than two).
+
+    Where points are dense along lines but the lines are far apart (the array fired while it moved), it is the distance
+    of the lines: no closer neighbour says how the surface runs across them.
+    """
     if len(stations) < 2:
         return float("nan")
     foot = stations.foot_m[:, :2]
     unique = np.unique(np.round(foot, 4), axis=0)
     if len(unique) < 2:
         return float("nan")
-    distance, _ = cKDTree(unique).query(unique, k=2)
-    return float(np.median(distance[:, 1]))
+    distance, index = cKDTree(unique).query(unique, k=min(len(unique), 1 + AROUND))
+    nearest = float(np.median(distance[:, 1]))
+    apart = unique[index] - unique[:, None]
+    along = np.abs(np.einsum("nkc,nc->nk", apart, apart[:, 1])) / np.maximum(distance * distance[:, 1:2], 1e-12)
+    beside = np.where(along < SIDEWAYS, distance, np.inf)
+    beside[:, 0] = np.inf
+    across = np.min(beside, axis=1)
+    found = np.isfinite(across)
+    if np.mean(found) < 0.5:
+        return nearest
+    lines = float(np.median(across[found]))
+    return lines if lines > LINES * nearest else nearest
 
 
 def isolated(stations: Stations, step_m: float) -> BoolArray:
