@@ -179,7 +179,9 @@ class ScanSettings(Section):
     """The plan and the walk through it."""
 
     standoff_m: Length = 0.43
-    margin_m: float = Field(0.02, ge=0.0, le=0.5)
+    margin_m: float | None = Field(
+        None, ge=0.0, le=0.5, description="default: what the outline's uncertainty asks for, or two steps"
+    )
     step_m: float | None = Field(None, gt=0.0, le=0.5, description="default: a fifth of the array's side")
     mode: Literal["stops", "smooth"] = Field(
         "stops", description="stops: the arm rests at every stop; smooth: the array fires while the arm moves"

@@ -8,7 +8,7 @@ import pytest
 from surfuse.errors import ConfigError
 from surfuse.geometry.polygons import is_simple, signed_distance
 from surfuse.plan.front_view import front_view
-from surfuse.plan.margin import MarginParameters, enlarged, margin_for, scan_area
+from surfuse.plan.margin import MarginParameters, enlarged, margin_for, margin_in_words, scan_area
 from surfuse.plan.scan_plan import PlanParameters
 from surfuse.records import Outline
 
@@ -92,19 +92,48 @@ def test_relief_of_the_foot_counts_once():
 def test_scan_area_is_the_front_view_enlarged_by_the_margin():
     corners, truth = turned_plate(0.4)
     seen = outline_of(seen_from(EYE, corners), sigma=0.003)
-    area = scan_area(seen)
+    area = scan_area(seen, 0.005)
     assert area.margin_m == pytest.approx(margin_for(seen))
     assert np.all(signed_distance(truth, area.vertices_m) > area.margin_m - 0.002)
     assert area.viewpoint_m is None
 
 
+@pytest.mark.parametrize(("step", "sigma", "margin"), [(0.01, 0.0, 0.02), (0.04, 0.0, 0.02), (0.003, 0.0, 0.008)])
+def test_scan_runs_in_two_steps_before_the_rim(step, sigma, margin):
+    square = outline_of([[-0.1, 0.0], [0.1, 0.0], [0.1, 0.2], [-0.1, 0.2]], sigma=sigma)
+    assert scan_area(square, step).margin_m == pytest.approx(margin)
+
+
+def test_an_uncertain_outline_gets_more_than_the_run_in():
+    square = outline_of([[-0.1, 0.0], [0.1, 0.0], [0.1, 0.2], [-0.1, 0.2]], sigma=0.01)
+    assert scan_area(square, 0.01).margin_m == pytest.approx(margin_for(square))
+    assert margin_for(square) > 0.03
+
+
 def test_a_given_margin_is_taken_as_it_is():
     square = outline_of([[-0.1, 0.0], [0.1, 0.0], [0.1, 0.2], [-0.1, 0.2]])
     assert enlarged(square, 0.03).margin_m == 0.03
-    assert PlanParameters(margin_m=None).margin_m is None
+    assert PlanParameters().margin_m is None
 
 
-@pytest.mark.parametrize("bad", [{"containment": 0.4}, {"containment": 1.0}, {"unseen_m": -0.001}])
+@pytest.mark.parametrize(
+    "bad", [{"containment": 0.4}, {"containment": 1.0}, {"unseen_m": -0.001}, {"run_in_stops": -1.0}]
+)
 def test_bad_parameters(bad):
     with pytest.raises(ConfigError):
         MarginParameters(**bad)
+
+
+def test_words_say_where_the_margin_comes_from():
+    square = outline_of([[-0.1, 0.0], [0.1, 0.0], [0.1, 0.2], [-0.1, 0.2]], sigma=0.002)
+    asked = f"{1e3 * margin_for(square):.1f} mm"
+    assert (
+        margin_in_words(square, 0.03, given=True)
+        == f"30.0 mm as configured; the outline's uncertainty asks for {asked}"
+    )
+    assert (
+        margin_in_words(square, 0.02, given=False) == f"20.0 mm, the run-in; the outline's uncertainty asks for {asked}"
+    )
+    assert (
+        margin_in_words(square, margin_for(square), given=False) == f"{asked}, asked for by the outline's uncertainty"
+    )

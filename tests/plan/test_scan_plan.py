@@ -154,3 +154,13 @@ def test_no_targets_is_an_answer() -> None:
 def test_parameters_out_of_their_limits_are_refused(kind: type, change: dict) -> None:
     with pytest.raises(ConfigError, match=next(iter(change))):
         dataclasses.replace(kind(), **change)
+
+
+def test_a_given_margin_wins_over_the_outline_s_uncertainty() -> None:
+    unsure = dataclasses.replace(plate(), sigma_m=np.full(4, 0.01))
+    coarse = PlanParameters(step_m=0.04)
+    assert scan_plan(unsure, ARM, READY_RAD, CELL, coarse).outline.margin_m == pytest.approx(
+        0.008 + 2.3263 * 0.01, abs=1e-5
+    )
+    given = dataclasses.replace(coarse, margin_m=0.005)
+    assert scan_plan(unsure, ARM, READY_RAD, CELL, given).outline.margin_m == 0.005

@@ -16,6 +16,7 @@ from surfuse.pipeline.map_of_result import surface_of
 from surfuse.pipeline.outcome import Outcome, Watcher, finite
 from surfuse.pipeline.reporting import write_report
 from surfuse.pipeline.scoring import edge_m, score_data, score_rows
+from surfuse.plan.margin import margin_in_words
 from surfuse.records import (
     FusionScene,
     Gap,
@@ -81,6 +82,8 @@ def finish(
         "stops": len(sweeps),
         "stops_planned": len(plan),
         "stops_skipped": len(plan.skipped),
+        "margin_mm": 1e3 * plan.outline.margin_m,
+        "outline_sigma_mm": None if scene.outline is None else 1e3 * float(scene.outline.sigma_m.max()),
         "robot_time_s": robot_s,
         "bus": None if cell.counters is None else asdict(cell.counters()),
     }
@@ -98,6 +101,7 @@ def finish(
     data["gaps"] = gaps
     rows += [
         ("stops", f"{len(sweeps)} scanned, {len(plan.skipped)} left out"),
+        *_margin_row(settings, scene, plan),
         ("gaps", f"{gaps} stops without a value"),
         ("robot time", f"{robot_s:.0f} s"),
     ]
@@ -111,6 +115,12 @@ def finish(
             cure="the report says why; check scan.standoff_m, the kit's settings and how the part stands",
         )
     return Finished(data, rows, complete=True)
+
+
+def _margin_row(settings: Settings, scene: FusionScene, plan: ScanPlan) -> list[tuple[str, str]]:
+    if scene.outline is None:
+        return []
+    return [("margin", margin_in_words(scene.outline, plan.outline.margin_m, settings.scan.margin_m is not None))]
 
 
 def _score(run: RunFolder, surface: SurfaceMap, truth: Truth, data: dict[str, object]) -> list[tuple[str, str]]:

@@ -29,6 +29,7 @@ from surfuse.twin import SimulatedClock
 OLD = "set_points_28ms"
 NEW = "computed_torque"
 SETTLED_M = 1e-4
+_MARGIN_M = 0.02
 _PLATE_M = 0.2
 _WATCH_S = 4.0
 _STAY_S = 0.05
@@ -131,7 +132,8 @@ def scan_joints(settings: Settings, kinematics: Puma560) -> FloatArray:
     up = np.array([0.0, 0.0, 1.0])
     foot = np.append(-radius * towards[:2], settings.cell.table_height_m)
     world_from_part = pose(np.column_stack([np.cross(up, towards), up, towards]), foot)
-    half, margin = 0.5 * _PLATE_M, settings.scan.margin_m
+    half, given = 0.5 * _PLATE_M, settings.scan.margin_m
+    margin = _MARGIN_M if given is None else given
     right, top = half + margin, _PLATE_M + margin
     outline = Outline(np.array([[-right, 0.0], [right, 0.0], [right, top], [-right, top]]), world_from_part)
     places = raster(outline, settings.step_m).uv_m

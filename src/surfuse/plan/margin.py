@@ -13,8 +13,6 @@ from surfuse.geometry.offsets import offset
 from surfuse.plan.front_view import FrontView, front_view
 from surfuse.records import Outline
 
-MARGIN_M = 0.02
-
 
 @dataclass(frozen=True)
 class MarginParameters:
@@ -25,20 +23,30 @@ class MarginParameters:
     containment : share of parts whose true outline shall lie inside the enlarged one.
     unseen_m : what no standard deviation covers: sides that are nearly edge-on or too dark, corners that dominant
         points cut. Measured over random scenes by `benchmarks/bench_margin.py`.
+    run_in_stops : steps beyond the rim that are scanned at least. A prediction needs two values before its own (paper,
+        section 3.2), so a rim without stops outside of it comes out worse.
+    run_in_max_m : the longest run-in, for coarse steps: farther out hardly a sensor of the array points at the part.
     """
 
     containment: float = 0.99
     unseen_m: float = 0.008
+    run_in_stops: float = 2.0
+    run_in_max_m: float = 0.02
 
     def __post_init__(self) -> None:
         if not 0.5 <= self.containment < 1.0:
             raise ConfigError(f"containment = {self.containment}", cure="give a share from 0.5 to below 1")
-        if not 0.0 <= self.unseen_m < 1.0:
-            raise ConfigError(f"unseen_m = {self.unseen_m}", cure="give a length from 0 to below 1 m")
+        if not 0.0 <= self.run_in_stops <= 100.0:
+            raise ConfigError(f"run_in_stops = {self.run_in_stops}", cure="give a number of stops from 0 to 100")
+        for name in ("unseen_m", "run_in_max_m"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise ConfigError(f"{name} = {getattr(self, name)}", cure="give a length from 0 to below 1 m")
 
 
-def scan_area(outline: Outline, parameters: MarginParameters | None = None) -> Outline:
+def scan_area(outline: Outline, step_m: float, parameters: MarginParameters | None = None) -> Outline:
     """The outline to be scanned: the part as seen along w, enlarged by the margin that its uncertainty asks for.
+
+    The margin is at least the run-in, which follows from the step of the scan (m).
 
     Raises
     ------
@@ -46,7 +54,9 @@ def scan_area(outline: Outline, parameters: MarginParameters | None = None) -> O
     """
     view = front_view(outline)
     seen = dataclasses.replace(outline, vertices_m=view.vertices_m, sigma_m=np.zeros(0), viewpoint_m=None)
-    return enlarged(seen, _margin(outline, view, parameters or MarginParameters()))
+    chosen = parameters or MarginParameters()
+    run_in_m = min(chosen.run_in_stops * step_m, chosen.run_in_max_m)
+    return enlarged(seen, max(_margin(outline, view, chosen), run_in_m))
 
 
 def margin_for(outline: Outline, parameters: MarginParameters | None = None) -> float:
@@ -58,6 +68,16 @@ def margin_for(outline: Outline, parameters: MarginParameters | None = None) -> 
     return _margin(outline, front_view(outline), parameters or MarginParameters())
 
 
+def margin_in_words(outline: Outline, margin_m: float, given: bool) -> str:
+    """The margin (m) of a plan and why it is that large, given the outline as the camera saw it."""
+    asked = margin_for(outline)
+    if given:
+        return f"{1e3 * margin_m:.1f} mm as configured; the outline's uncertainty asks for {1e3 * asked:.1f} mm"
+    if margin_m > asked + 1e-6:
+        return f"{1e3 * margin_m:.1f} mm, the run-in; the outline's uncertainty asks for {1e3 * asked:.1f} mm"
+    return f"{1e3 * margin_m:.1f} mm, asked for by the outline's uncertainty"
+
+
 def _margin(outline: Outline, view: FrontView, chosen: MarginParameters) -> float:
     variance = outline.sigma_m**2
     if outline.viewpoint_m is not None and outline.viewpoint_m[2] > 0.0:
@@ -67,7 +87,7 @@ def _margin(outline: Outline, view: FrontView, chosen: MarginParameters) -> floa
     return chosen.unseen_m + float(ndtri(chosen.containment)) * float(np.sqrt(variance.max()))
 
 
-def enlarged(outline: Outline, margin_m: float = MARGIN_M) -> Outline:
+def enlarged(outline: Outline, margin_m: float) -> Outline:
     """The outline moved outwards by the margin (m); its `margin_m` grows by as much.
 
     Holes stay as they are: they are scanned, so that the readings can tell whether they are there. The standard

@@ -9,7 +9,7 @@ import numpy as np
 
 from surfuse.errors import ConfigError
 from surfuse.interfaces import Kinematics
-from surfuse.plan.margin import MARGIN_M, enlarged, scan_area
+from surfuse.plan.margin import enlarged, scan_area
 from surfuse.plan.raster import grip_targets, raster
 from surfuse.plan.reach import ClearanceCheck, ReachParameters, reach
 from surfuse.records import FloatArray, Outline, ScanPlan, SkippedStop
@@ -21,7 +21,7 @@ class PlanParameters:
 
     `step_m`: distance between stops and between lines (paper: a fifth of the sensor spacing). `standoff_m`: from the
     transducers to the acquisition plane, w = 0 of the part frame. `margin_m`: how far the outline is enlarged (None: by
-    what its uncertainty asks for, around the part as seen along w).
+    what its uncertainty asks for, or two steps, around the part as seen along w).
     `same_side`: start every line at the same extreme instead of alternating. `lowest_v_m`: lines below this are left
     out; the part stands on the table at v = 0, the one edge known without error, and below it the sensors would see
     the table's rim (-inf: no such limit).
@@ -29,7 +29,7 @@ class PlanParameters:
 
     step_m: float = 0.01
     standoff_m: float = 0.43
-    margin_m: float | None = MARGIN_M
+    margin_m: float | None = None
     same_side: bool = False
     lowest_v_m: float = 0.0
 
@@ -54,7 +54,8 @@ def scan_plan(
     What cannot be visited is in `skipped`, each stop with its reason; a part out of reach gives a plan of no stops.
     `outline` of the plan is the enlarged one.
     """
-    area = scan_area(outline) if parameters.margin_m is None else enlarged(outline, parameters.margin_m)
+    given = parameters.margin_m
+    area = scan_area(outline, parameters.step_m) if given is None else enlarged(outline, given)
     stops = raster(area, parameters.step_m, parameters.same_side)
     high_enough = stops.uv_m[:, 1] >= parameters.lowest_v_m - 1e-9
     targets = grip_targets(outline.world_from_part, stops.uv_m, parameters.standoff_m)
