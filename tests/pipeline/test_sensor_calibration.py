@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from surfuse.errors import DataError, StorageError
+from surfuse.errors import ConfigError, DataError, StorageError
 from surfuse.pipeline.sensor_calibration import calibrate_sensor, fit_model, model_toml
 from surfuse.records import Readings, SensorSpec
 from surfuse.runs.readings_csv import write_readings_csv
 from surfuse.runs.scan_log import ScanLog
 from surfuse.runs.scan_source import load_scan
+from surfuse.runs.side_files import read_sensors, sensors_toml
 
 OFFSET_M = np.array([0.004, -0.002])
 SCALE, SIGMA_M, CAPTURE_DEG = 1.006, 0.0005, 6.75
@@ -128,3 +129,34 @@ def test_the_written_model_corrects_the_ranges_of_a_log(tmp_path: Path) -> None:
     (files[0].parent / "sensors.toml").write_text(model.read_text("utf-8"), "utf-8")
     with pytest.raises(DataError, match="holds a calibration already"):
         calibrate_sensor(files, meshes, model, force=True)
+
+
+def test_fusion_reads_the_lateness_that_was_written(tmp_path: Path) -> None:
+    logs = [facing(), facing(0.8, seed=5), tilted()]
+    model = fit_model([log for log, _ in logs], [mesh for _, mesh in logs])
+    (tmp_path / "model.toml").write_text(model_toml(model), "utf-8")
+    spec = read_sensors(tmp_path / "model.toml")[0]
+    assert spec.late is not None
+    assert spec.late.tilt_rad == pytest.approx(model.late.tilt_rad)
+    assert spec.late.bias_m == pytest.approx(model.late.bias_m)
+    assert read_sensors_text(sensors_toml((spec,)), tmp_path) == (spec,)
+
+
+def read_sensors_text(text: str, folder: Path) -> tuple[SensorSpec, ...]:
+    (folder / "again.toml").write_text(text, "utf-8")
+    return read_sensors(folder / "again.toml")
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("late_tilt_deg = [20.0]", "late_bias_m = None"),
+        ("late_tilt_deg = [20.0, 10.0]\nlate_bias_m = [0.0, 0.0]\nlate_scatter_m = [0.0, 0.0]", "late tilts of"),
+        ("late_tilt_deg = [20.0]\nlate_bias_m = [0.0, 0.0]\nlate_scatter_m = [0.0]", "1 tilts, 2 biases"),
+        ('late_tilt_deg = ["a"]\nlate_bias_m = [0.0]\nlate_scatter_m = [0.0]', "late_tilt_deg = "),
+    ],
+)
+def test_a_damaged_lateness_is_refused(tmp_path: Path, line: str, words: str) -> None:
+    spec = SensorSpec("us0", "ultrasonic", 0.1, 2.0, 0.2, 0.003)
+    with pytest.raises((ConfigError, DataError), match=words):
+        read_sensors_text(sensors_toml((spec,)) + line + "\n", tmp_path)

@@ -9,6 +9,7 @@ from surfuse.records import (
     CameraFrame,
     CameraModel,
     FusionScene,
+    LateTable,
     Outline,
     ScanPlan,
     SensorSpec,
@@ -30,6 +31,7 @@ SPECS = tuple(
         incidence_limit_rad=0.4 + i / 7,
         firing_time_s=0.06,
         dead_length_m=i / 13,
+        late=LateTable((0.0, 1 / 3), (-1e-17, 0.1 / 3), (0.0, 1e-3)) if i % 2 else None,
     )
     for i, name in enumerate(("us0", "us 1", "us-1", "links oben"))
 )

@@ -12,7 +12,7 @@ import numpy as np
 from surfuse import durable
 from surfuse.errors import DataError, UsageError
 from surfuse.pipeline.outcome import Outcome
-from surfuse.records import FloatArray, IntArray, SensorSpec, Status
+from surfuse.records import FloatArray, IntArray, LateTable, SensorSpec, Status
 from surfuse.runs.scan_log import ScanLog
 from surfuse.runs.scan_source import load_scan
 from surfuse.runs.side_files import RangeCorrection, read_corrections, sensors_toml
@@ -95,21 +95,26 @@ def fit_model(scans: Sequence[ScanLog], meshes: Sequence[tuple[FloatArray, IntAr
 
 
 def model_toml(model: SensorModel) -> str:
-    """The model as a sensors.toml: `fuse` takes offset and scale out of the ranges, and believes sigma and beam."""
+    """The model as a sensors.toml: `fuse` takes offset and scale out of the ranges and believes all the rest."""
     blocks = ["# written by 'surfuse calibrate sensor'; use it with 'surfuse fuse LOG --sensors THIS FILE'\n"]
     blocks += [f"# not determined: {' '.join(text.split())}\n" for text in model.open_questions]
     for k, spec in enumerate(model.specs):
         beam = 2.0 * model.capture.angle_rad if model.capture is not None else spec.beam_full_angle_rad
-        own = replace(spec, sigma_m=max(model.facing.sigma_m, 1e-6), beam_full_angle_rad=beam)
+        own = replace(
+            spec, sigma_m=max(model.facing.sigma_m, 1e-6), beam_full_angle_rad=beam, late=late_table(model.late)
+        )
         lines = [sensors_toml((own,)).rstrip("\n"), f"offset_m = {float(model.facing.offset_m[k])!r}"]
         if math.isfinite(model.facing.scale):
             lines.append(f"scale = {model.facing.scale!r}")
-        if model.late is not None:
-            lines.append(f"late_tilt_deg = {np.degrees(model.late.tilt_rad).tolist()!r}")
-            lines.append(f"late_bias_m = {model.late.bias_m.tolist()!r}")
-            lines.append(f"late_scatter_m = {model.late.scatter_m.tolist()!r}")
         blocks.append("\n".join(lines) + "\n")
     return "\n".join(blocks)
+
+
+def late_table(late: Late | None) -> LateTable | None:
+    """What was measured on tilt as fusion takes it; None where nothing was."""
+    if late is None:
+        return None
+    return LateTable(tuple(late.tilt_rad.tolist()), tuple(late.bias_m.tolist()), tuple(late.scatter_m.tolist()))
 
 
 def _loaded(log: Path) -> ScanLog:

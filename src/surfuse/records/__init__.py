@@ -13,7 +13,7 @@ from surfuse.records.fused import FusedPoint, FusedPoints, FusionScene
 from surfuse.records.pictures import CameraFrame, CameraModel, Detection, Outline
 from surfuse.records.plan import ScanPlan, SkippedStop
 from surfuse.records.readings import Readings, readings_from_sweeps
-from surfuse.records.sensing import Echo, Fixture, JointSamples, JointState, SensorSpec, Sweep
+from surfuse.records.sensing import Echo, Fixture, JointSamples, JointState, LateTable, SensorSpec, Sweep
 from surfuse.records.surface import FusionResult, MapGrid, Score, SurfaceMap
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "IntArray",
     "JointSamples",
     "JointState",
+    "LateTable",
     "MapGrid",
     "Outline",
     "Readings",

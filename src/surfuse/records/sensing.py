@@ -12,11 +12,33 @@ from surfuse.records.codes import Status
 
 
 @dataclass(frozen=True)
+class LateTable:
+    """Range minus distance along the axis, measured on tilted plates: K increasing tilts (rad), bias, scatter (m)."""
+
+    tilt_rad: tuple[float, ...]
+    bias_m: tuple[float, ...]
+    scatter_m: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not 0 < len(self.tilt_rad) == len(self.bias_m) == len(self.scatter_m):
+            counts = f"{len(self.tilt_rad)} tilts, {len(self.bias_m)} biases and {len(self.scatter_m)} scatters"
+            raise DataError(f"a late table of {counts}", cure="give as many of each, at least one")
+        tilts = np.array(self.tilt_rad)
+        if not (np.all((tilts >= 0.0) & (tilts < np.pi / 2)) and np.all(np.diff(tilts) > 0.0)):
+            raise DataError(
+                f"late tilts of {np.round(np.degrees(tilts), 2).tolist()} degrees",
+                cure="give increasing tilts from 0 to below 90 degrees",
+            )
+        if not (np.all(np.isfinite(self.bias_m)) and np.all(np.array(self.scatter_m) >= 0.0)):
+            raise DataError("a late table with a bias that is not finite or a scatter below 0", cure="calibrate again")
+
+
+@dataclass(frozen=True)
 class SensorSpec:
     """What is known of a range sensor before it is used; the estimators know no more than this.
 
     `dead_length_m` says how far in front of the sensor's origin its beam starts (a tube); the range counts from the
-    origin.
+    origin. `late` is how it was measured to read a tilted plate (None: the estimators use their own models).
     """
 
     name: str
@@ -30,6 +52,7 @@ class SensorSpec:
     frequency_hz: float | None = None
     aperture_m: float | None = None
     dead_length_m: float = 0.0
+    late: LateTable | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.range_min_m < self.range_max_m:

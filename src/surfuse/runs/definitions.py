@@ -38,6 +38,12 @@ float64 firing_time_s
 float64 frequency_hz
 float64 aperture_m
 float64 dead_length_m
+surfuse_msgs/LateTable[] late
+"""
+
+_LATE = """float64[] tilt_rad
+float64[] bias_m
+float64[] scatter_m
 """
 
 
@@ -56,7 +62,8 @@ SCENE = Definition(
     "float64[16] world_from_part\n"
     "surfuse_msgs/Outline[] outline\n"
     "float64 depth_max_m\n"
-    f"{_RULE}\nMSG: surfuse_msgs/Sensor\n{_SENSOR}{_RULE}\nMSG: surfuse_msgs/Outline\n{_OUTLINE}",
+    f"{_RULE}\nMSG: surfuse_msgs/Sensor\n{_SENSOR}{_RULE}\nMSG: surfuse_msgs/Outline\n{_OUTLINE}"
+    f"{_RULE}\nMSG: surfuse_msgs/LateTable\n{_LATE}",
 )
 
 SWEEP = Definition(

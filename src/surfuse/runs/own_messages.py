@@ -11,7 +11,17 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from surfuse.records import CameraFrame, CameraModel, FusionScene, Outline, ScanPlan, SensorSpec, SkippedStop, Sweep
+from surfuse.records import (
+    CameraFrame,
+    CameraModel,
+    FusionScene,
+    LateTable,
+    Outline,
+    ScanPlan,
+    SensorSpec,
+    SkippedStop,
+    Sweep,
+)
 from surfuse.runs.log_records import FORMAT_VERSION, Level, LogEvent
 
 Message = dict[str, object]
@@ -50,6 +60,10 @@ def _number(message: Decoded, name: str) -> float:
 
 def _text(message: Decoded, name: str) -> str:
     return str(getattr(message, name))
+
+
+def _has(message: Decoded, name: str) -> bool:
+    return getattr(message, name, None) is not None
 
 
 def _list(message: Decoded, name: str) -> list[Decoded]:
@@ -137,11 +151,22 @@ def _sensor_message(spec: SensorSpec) -> Message:
         "frequency_hz": math.nan if spec.frequency_hz is None else spec.frequency_hz,
         "aperture_m": math.nan if spec.aperture_m is None else spec.aperture_m,
         "dead_length_m": spec.dead_length_m,
+        "late": [] if spec.late is None else [_late_message(spec.late)],
     }
+
+
+def _late_message(late: LateTable) -> Message:
+    return {"tilt_rad": list(late.tilt_rad), "bias_m": list(late.bias_m), "scatter_m": list(late.scatter_m)}
+
+
+def _late_record(message: Decoded) -> LateTable:
+    return LateTable(*(tuple(_floats(message, name).tolist()) for name in ("tilt_rad", "bias_m", "scatter_m")))
 
 
 def _sensor_record(message: Decoded) -> SensorSpec:
     frequency, aperture = _number(message, "frequency_hz"), _number(message, "aperture_m")
+    # Logs from before sensors had such a table do not hold the field.
+    late = [_late_record(one) for one in _list(message, "late")] if _has(message, "late") else []
     return SensorSpec(
         name=_text(message, "name"),
         kind=_text(message, "kind"),
@@ -154,6 +179,7 @@ def _sensor_record(message: Decoded) -> SensorSpec:
         frequency_hz=None if math.isnan(frequency) else frequency,
         aperture_m=None if math.isnan(aperture) else aperture,
         dead_length_m=_number(message, "dead_length_m"),
+        late=late[0] if late else None,
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.poses import FloatArray, frame_from_axes
-from surfuse.records import Outline, SensorSpec
+from surfuse.records import LateTable, Outline, SensorSpec
 from surfuse.runs.log_files import read_whole
 from surfuse.runs.toml_file import number, read_toml, refuse_unknown, vector
 
@@ -38,6 +38,9 @@ _SENSOR_KEYS = (
     "late_bias_m",
     "late_scatter_m",
 )
+
+
+_LATE_KEYS = ("late_tilt_deg", "late_bias_m", "late_scatter_m")
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,26 @@ def _spec(name: str, table: Mapping[str, object], where: str) -> SensorSpec:
         frequency_hz=optional.get("frequency_hz"),
         aperture_m=optional.get("aperture_m"),
         dead_length_m=number(table, "dead_length_m", where, 0.0),
+        late=_late(table, where),
     )
+
+
+def _late(table: Mapping[str, object], where: str) -> LateTable | None:
+    """The measured lateness on tilt; None where the file has none."""
+    given = [key for key in _LATE_KEYS if key in table]
+    if not given:
+        return None
+    columns = []
+    for key in _LATE_KEYS:
+        value = table.get(key)
+        if not isinstance(value, list) or not all(
+            isinstance(x, int | float) and not isinstance(x, bool) for x in value
+        ):
+            raise ConfigError(
+                f"{key} = {value!r}", where=where, cure=f"give {', '.join(_LATE_KEYS)}, a list of numbers each"
+            )
+        columns.append(tuple(float(x) for x in value))
+    return LateTable(tuple(math.radians(x) for x in columns[0]), *columns[1:])
 
 
 def read_frame(path: Path) -> FloatArray:
@@ -200,6 +222,10 @@ def sensors_toml(specs: tuple[SensorSpec, ...]) -> str:
             lines.append(f"frequency_hz = {float(spec.frequency_hz)!r}")
         if spec.aperture_m is not None:
             lines.append(f"aperture_m = {float(spec.aperture_m)!r}")
+        if spec.late is not None:
+            lines.append(f"late_tilt_deg = {[_degrees(tilt) for tilt in spec.late.tilt_rad]!r}")
+            lines.append(f"late_bias_m = {list(spec.late.bias_m)!r}")
+            lines.append(f"late_scatter_m = {list(spec.late.scatter_m)!r}")
         blocks.append("\n".join(lines) + "\n")
     return "\n".join(blocks)
 

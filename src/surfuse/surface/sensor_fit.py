@@ -37,7 +37,10 @@ class Facing:
 
 @dataclass(frozen=True)
 class Late:
-    """Corrected ranges minus axis ranges by tilt: middle of each band (K,) in rad, median and scatter in m, echoes."""
+    """Corrected ranges minus axis ranges by tilt: middle of each band (K,) in rad, bias and scatter in m, echoes.
+
+    The bias is their location under the heavy-tailed errors that the beam-aware fusion reckons with.
+    """
 
     tilt_rad: FloatArray
     bias_m: FloatArray
@@ -107,12 +110,13 @@ def fit_late(seen: BeamView, corrected_m: FloatArray) -> Late:
     band = np.floor(np.degrees(np.where(use, seen.incidence_rad, 0.0)) / BAND_DEG + 0.5).astype(np.int64)
     tilt, bias, scatter, echoes = [], [], [], []
     for k in range(int(90.0 / BAND_DEG)):
-        here = error[use & (band == k) & (np.abs(np.where(use, error, np.inf)) < GROSS_M)]
+        rows = use & (band == k) & (np.abs(np.where(use, error, np.inf)) < GROSS_M)
+        here = error[rows]
         if len(here) >= LEAST:
-            middle = float(np.median(here))
+            middle, spread = _location(here)
             tilt.append(float(np.median(seen.incidence_rad[use & (band == k)])))
             bias.append(middle)
-            scatter.append(1.4826 * float(np.median(np.abs(here - middle))))
+            scatter.append(spread)
             echoes.append(len(here))
     if not any(angle > np.radians(BAND_DEG) for angle in tilt):
         raise DataError(
@@ -156,6 +160,16 @@ def _threshold(begins_rad: FloatArray, heard: BoolArray) -> Capture:
     wrong = np.array([np.sum(heard != (begins_rad <= angle)) for angle in angles])
     good = angles[wrong <= wrong.min() + 2]
     return Capture(float(np.mean(angles[wrong == wrong.min()])), float(good[0]), float(good[-1]), len(heard))
+
+
+def _location(values: FloatArray) -> tuple[float, float]:
+    """Location under Student's t with four degrees of freedom, and scatter (from the median absolute deviation)."""
+    centre = float(np.median(values))
+    scatter = max(1.4826 * float(np.median(np.abs(values - centre))), 1e-9)
+    for _ in range(20):
+        weight = 1.0 / (1.0 + ((values - centre) / (1.5 * scatter)) ** 2 / 4.0)
+        centre = float(np.sum(weight * values) / np.sum(weight))
+    return centre, scatter
 
 
 def _robust(design: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, float]:

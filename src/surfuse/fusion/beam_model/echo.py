@@ -31,6 +31,8 @@ MOST_LATE = 1.2
 FIRST_NULL = 3.8317
 # Speckle of the strip beside a rim, relative to the rim's own wave, per scattering length in wavelengths.
 RIM_GRAIN = 0.38
+# A calibration of a few hundred echoes does not prove a smaller scatter than this.
+LEAST_SCATTER_M = 0.0003
 
 
 @dataclass(frozen=True)
@@ -202,6 +204,39 @@ def _smooth(two_way: FloatArray, wavelength_m: float, rise_m: float, range_m: fl
     return mirror, rim
 
 
+def measured(
+    location_m: FloatArray, scale_m: FloatArray, spec: SensorSpec, silent_rad: float
+) -> tuple[FloatArray, FloatArray]:
+    """Speckle tables (tilts, levels + 1) with what the spec's calibration measured on tilted plates.
+
+    Up to `silent_rad` the mirror-like echo is heard first, and the measurement says nothing of the speckle. Beyond, the
+    column of unknown amplitude becomes the measured bias and scatter; between and beside the measured tilts its change
+    is interpolated and held. The other columns stay: how late an echo of known strength is does not depend on the
+    roughness of the surface, which is what a calibration finds out. A sensor that reads on its axis has one column.
+    """
+    late, optical = spec.late, spec.kind.lower() in OPTICAL_KINDS
+    if late is None:
+        return location_m, scale_m
+    tilt, bias = np.array(late.tilt_rad), np.array(late.bias_m)
+    # The readings' own timing noise is added to every arrival again.
+    scatter = np.sqrt(np.maximum(np.array(late.scatter_m) ** 2 - spec.sigma_m**2, LEAST_SCATTER_M**2))
+    use = np.ones(len(tilt), dtype=bool) if optical else tilt > silent_rad
+    if not np.any(use):
+        return location_m, scale_m
+    if optical:
+        return (
+            location_m + np.interp(TILTS, tilt, bias)[:, None],
+            np.maximum(scale_m, np.interp(TILTS, tilt, scatter)[:, None]),
+        )
+    at, own, wide = tilt[use], bias[use], scatter[use]
+    shift = own - np.interp(at, TILTS, location_m[:, -1])
+    ratio = wide / np.interp(at, TILTS, scale_m[:, -1])
+    location, scale = location_m.copy(), scale_m.copy()
+    location[:, -1] += np.interp(TILTS, at, shift)
+    scale[:, -1] *= np.interp(TILTS, at, ratio)
+    return location, scale
+
+
 @lru_cache(maxsize=32)
 def beam_table(spec: SensorSpec, range_mm: int, model: DetectorModel) -> BeamTable:
     """Tabulate one sensor at a typical range; missing frequency or aperture follow from the beam angle."""
@@ -219,6 +254,9 @@ def beam_table(spec: SensorSpec, range_mm: int, model: DetectorModel) -> BeamTab
     else:
         tables = _speckle(float(ka), wavelength, rise, range_m, model)
     mirror, rim = _smooth(two_way, wavelength, rise, range_m, model, optical)
+    if spec.late is not None:
+        silent = float(OFF_AXIS[np.flatnonzero(mirror)[-1]]) if np.any(mirror) else 0.0
+        tables = (*measured(tables[0], tables[1], spec, silent), tables[2])
     return BeamTable(
         two_way,
         mirror,

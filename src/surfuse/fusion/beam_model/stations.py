@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from surfuse.records import BoolArray, FloatArray, FusionScene, IntArray, Readings, SensorSpec, Status
+from surfuse.records import BoolArray, FloatArray, FusionScene, IntArray, LateTable, Readings, SensorSpec, Status
 
 SAME_PLACE_M = 0.0015
 SAME_AXIS = 0.01
@@ -57,11 +57,11 @@ class Stations:
         )  # fmt: skip
 
 
-Kind = tuple[str, float, float | None, float | None]
+Kind = tuple[str, float, float | None, float | None, LateTable | None]
 
 
 def _kind(spec: SensorSpec) -> Kind:
-    return (spec.kind, spec.beam_full_angle_rad, spec.frequency_hz, spec.aperture_m)
+    return (spec.kind, spec.beam_full_angle_rad, spec.frequency_hz, spec.aperture_m, spec.late)
 
 
 def kinds(specs: tuple[SensorSpec, ...]) -> tuple[SensorSpec, ...]:
