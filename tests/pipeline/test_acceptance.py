@@ -164,3 +164,18 @@ def test_limits_and_distances_are_checked():
     shots = shots_of(LASER, np.ones(9), np.zeros(9), None, np.linspace(1.0, 1.001, 9))
     strict = judge(LASER, Trials(shots), AcceptanceLimits(noise_factor=0.01))
     assert [check.fault for check in strict if not check.passed] == ["noise"]
+
+
+def test_options_of_a_log_without_a_log_are_refused(tmp_path):
+    with pytest.raises(UsageError, match="--distances without --log"):
+        accept("polaroid", None, None, None, distances_m=(0.4, 0.6))
+    with pytest.raises(UsageError, match="--warm-up without --log"):
+        accept("polaroid", None, None, None, warm_up=tmp_path / "warm.csv")
+
+
+def test_the_table_of_the_page_says_the_same_as_the_line(good):
+    for check in judge(SPEC, good):
+        name, measured, limit, verdict = check.cells()
+        assert (name, verdict) == (check.name, "pass")
+        assert measured in check.text()
+        assert limit.split()[0] in check.text()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from surfuse.errors import StorageError, UsageError
+from surfuse.errors import ConfigError, DataError, StorageError, UsageError
 from surfuse.pipeline.ranger_bench import Bench
 from surfuse.pipeline.sensor_sheet import NAMED, Curve, _limit, charts_of, facts_of, sensor_sheet, spec_of, twin_sheet
 from surfuse.records import SensorSpec
@@ -125,3 +125,41 @@ def test_names_and_tables_are_told_apart(tmp_path):
             spec_of(name, table)
     with pytest.raises(UsageError, match="belong together"):
         sensor_sheet("polaroid", None, None, None, log=path)
+
+
+def test_a_named_sensor_has_no_tables():
+    with pytest.raises(UsageError, match="--sensor chooses a table"):
+        spec_of("polaroid", "left")
+
+
+GOOD_TABLE = 'kind = "ultrasonic"\nbeam_full_angle_deg = 20\nrange_min_m = 0.3\nrange_max_m = 4\nsigma_m = 0.001\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("frequency_hz = 40", "frequency_hz = 40; give 1000 to"),
+        ("frequency_hz = -63000.0", "frequency_hz"),
+        ("aperture_m = 38.4", r"aperture_m = 38\.4; give 0\.0001 to 1"),
+        ("dead_length_m = -0.2", "dead_length_m"),
+        ("firing_time_s = inf", "firing_time_s"),
+        ("frequency_hz = [63000]", "frequency_hz"),
+        ("freqency_hz = 63000", "freqency_hz"),
+        ("late = 3", "late"),
+    ],
+)
+def test_a_hostile_table_is_refused_with_key_value_and_cure(tmp_path, text, told):
+    path = tmp_path / "sensors.toml"
+    path.write_text(f"[one]\n{GOOD_TABLE}{text}\n")
+    with pytest.raises((ConfigError, DataError), match=told):
+        spec_of(str(path))
+
+
+@pytest.mark.parametrize(
+    "raw", [b"\xff\xfe\x00", b"[a]\n[a]\n", b"a = " + b"[" * 3000, b"", b"x = 1\n", b"[a]\nkind = 1\n"]
+)
+def test_a_file_that_is_no_sensors_toml_is_refused(tmp_path, raw):
+    path = tmp_path / "sensors.toml"
+    path.write_bytes(raw)
+    with pytest.raises((ConfigError, DataError)):
+        spec_of(str(path))

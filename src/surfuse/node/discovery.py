@@ -119,7 +119,9 @@ def _serial_ports(notes: list[str]) -> tuple[SerialPort, ...]:
     ports = []
     for port in sorted(comports()):
         usb_id = "" if port.vid is None or port.pid is None else f"{port.vid:04x}:{port.pid:04x}"
-        ports.append(SerialPort(port.device, port.description or "", usb_id, hint_of_usb(usb_id)))
+        # pyserial says "n/a" of a port without a description.
+        told = port.description if port.description and port.description != "n/a" else ""
+        ports.append(SerialPort(port.device, told, usb_id, hint_of_usb(usb_id)))
     return tuple(ports)
 
 

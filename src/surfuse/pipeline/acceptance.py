@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from surfuse.pipeline.acceptance_checks import AcceptanceLimits, Check
 from surfuse.pipeline.acceptance_trials import Trials, log_trials, planted, twin_trials
 from surfuse.pipeline.outcome import Outcome
 from surfuse.pipeline.sensor_sheet import spec_of, two_way_beam_rad
-from surfuse.records import FloatArray, SensorSpec, Status
+from surfuse.records import SensorSpec, Status
 from surfuse.report.line_charts import Chart, Series, page
 from surfuse.runs.side_files import RangeCorrection, sensors_toml
 from surfuse.world.twin import ULTRASONIC
@@ -47,6 +48,9 @@ def accept(
         raise UsageError(f"--out '{out.name}'", cure="give a name that ends in .html")
     if log is not None and plant is not None:
         raise UsageError("--plant with --log", cure="faults can be planted in the twin only")
+    for option, given in (("--distances", distances_m), ("--warm-up", warm_up)):
+        if log is None and given:
+            raise UsageError(f"{option} without --log", cure="give the log of a facing plate that it belongs to")
     if log is None:
         trials = twin_trials(spec, *planted(spec, plant), seed=seed)
     else:
@@ -64,12 +68,14 @@ def accept(
         "bias_mm": 1e3 * bias_m(spec, trials),
         "crosstalk": None if trials.crosstalk is None else trials.crosstalk.tolist(),
     }
+    result = "accepted" if not faults else f"refused: {', '.join(faults)}"
     rows = [(check.name, check.text()) for check in results]
-    rows.append(("result", "accepted" if not faults else f"refused: {', '.join(faults)}"))
+    rows.append(("result", result))
     if model is not None:
         durable.write_text(model, model_text(spec, trials), overwrite=force)
     if out is not None:
-        durable.write_text(out, _page(spec, rows, charts_of(trials), source, trials.crosstalk), overwrite=force)
+        intro = f"Result: {result}. Source: {source}. Every check has one limit and names one fault."
+        durable.write_text(out, _page(spec, intro, results, trials), overwrite=force)
     rows += [("written", str(path)) for path in (out, model) if path is not None]
     return Outcome(data, rows)
 
@@ -175,12 +181,10 @@ def charts_of(trials: Trials) -> list[Chart]:
     return charts
 
 
-def _page(
-    spec: SensorSpec, rows: list[tuple[str, str]], charts: list[Chart], source: str, matrix: FloatArray | None
-) -> str:
-    text = f"Source: {source}. Every check has one limit and names one fault."
-    shown = list(rows)
-    for sender, shares in enumerate([] if matrix is None else matrix.tolist()):
-        changed = ", ".join(f"{100.0 * share:.0f} %" for share in shares)
-        shown.append((f"cross-talk of sender {sender} with receivers 0 to {len(shares) - 1}", changed))
-    return page(f"Acceptance: {spec.name}", text, ("check", "verdict"), shown, charts, f"surfuse {__version__}")
+def _page(spec: SensorSpec, intro: str, results: Sequence[Check], trials: Trials) -> str:
+    rows = [check.cells() for check in results]
+    for sender, shares in enumerate([] if trials.crosstalk is None else trials.crosstalk.tolist()):
+        changed = ", ".join(f"{100.0 * share:.0f}" for share in shares)
+        rows.append((f"cross-talk of sender {sender} with receivers 0 to {len(shares) - 1}", f"{changed} %", "", ""))
+    heads = ("check", "measured", "limit", "verdict")
+    return page(f"Acceptance: {spec.name}", intro, heads, rows, charts_of(trials), f"surfuse {__version__}")

@@ -63,7 +63,17 @@ class Check:
         """For people."""
         if self.value is None:
             return f"not tested: {self.note}"
-        return f"{'pass' if self.passed else 'FAIL'}: {self.value:.3g} {self.unit} (limit {self.limit:.3g})"
+        _, measured, limit, verdict = self.cells()
+        return f"{verdict}: {measured} (limit {limit.removesuffix(f' {self.unit}')})"
+
+    def cells(self) -> tuple[str, str, str, str]:
+        """For a table: name, what was measured, limit, verdict."""
+        limit = f"{self.limit:.3g} {self.unit}"
+        if self.value is None:
+            return self.name, self.note, limit, "not tested"
+        # No more digits than the limit makes matter.
+        places = 0 if self.limit >= 100.0 else 1 if self.limit >= 10.0 else 2
+        return self.name, f"{self.value:.{places}f} {self.unit}", limit, "pass" if self.passed else "FAIL"
 
 
 @dataclass(frozen=True)

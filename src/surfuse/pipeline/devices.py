@@ -29,8 +29,9 @@ def _rows(found: Devices) -> list[tuple[str, str]]:
 
 
 def _serial(port: SerialPort) -> str:
-    usb = f" [{port.usb_id}]" if port.usb_id else ""
-    return f"{port.description}{usb}" + (f": {port.hint}" if port.hint else "")
+    usb = f"[{port.usb_id}]" if port.usb_id else "on the board, not USB"
+    told = " ".join(filter(None, (port.description, usb)))
+    return f"{told}: {port.hint or 'what is on it is not known'}"
 
 
 def _adapter(adapter: CanAdapter) -> str:

@@ -107,6 +107,8 @@ def sensor_sheet(
 def spec_of(name: str, table: str | None = None) -> SensorSpec:
     """A sensor by name, or from a sensors.toml (`table` names one when there are several)."""
     if name in NAMED:
+        if table not in (None, name):
+            raise UsageError(f"--sensor '{table}' of '{name}'", cure="--sensor chooses a table of a sensors.toml")
         return NAMED[name]
     path = Path(name)
     if path.suffix.lower() != ".toml":
@@ -224,7 +226,12 @@ def _error_chart(title: str, x_title: str, curves: tuple[tuple[str, Curve], ...]
     series = []
     for name, curve in curves:
         series.append(Series(name, tuple(zip(curve.x, curve.error_mm, strict=True))))
-        series.append(Series(f"{name}, sigma", tuple(zip(curve.x, curve.spread_mm, strict=True))))
+        series.append(
+            Series(
+                f"{name}, deviation" if len(curves) > 1 else "standard deviation",
+                tuple(zip(curve.x, curve.spread_mm, strict=True)),
+            )
+        )
     return Chart(title, x_title, "mm", tuple(series), (0.0, 0.0))
 
 

@@ -33,6 +33,10 @@ class LateTable:
             raise DataError("a late table with a bias that is not finite or a scatter below 0", cure="calibrate again")
 
 
+# Beyond these a wrong unit is likelier than the sensor (kHz for Hz, mm for m).
+_LIMITS = {"frequency_hz": (1e3, 1e9), "aperture_m": (1e-4, 1.0), "dead_length_m": (0.0, 10.0)}
+
+
 @dataclass(frozen=True)
 class SensorSpec:
     """What is known of a range sensor before it is used; the estimators know no more than this.
@@ -68,6 +72,10 @@ class SensorSpec:
                 f"sensor '{self.name}': sigma_m = {self.sigma_m}",
                 cure="give a standard deviation > 0 in metres",
             )
+        for name, (low, high) in _LIMITS.items():
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                raise DataError(f"sensor '{self.name}': {name} = {value:g}", cure=f"give {low:g} to {high:g}")
 
 
 @dataclass(frozen=True)
