@@ -100,9 +100,11 @@ def intervals(surface: SurfaceMap, error: np.ndarray) -> dict[str, tuple[int, in
 
 
 def decision(surface: SurfaceMap) -> str:
-    """What the guard decided, in a word."""
-    del surface
-    return ""
+    """What the guard decided, in words: how many regions each candidate won."""
+    won: dict[str, int] = {}
+    for one in surface.decisions:
+        won[one.chosen] = won.get(one.chosen, 0) + 1
+    return ", ".join(f"{name} {count}" for name, count in won.items())
 
 
 def foreign(folder: Path) -> list[Result]:

@@ -21,7 +21,7 @@ from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, Watcher
 from surfuse.pipeline.reporting import write_report
 from surfuse.pipeline.scoring import edge_of, read_truth, score_data
-from surfuse.records import FusionResult, Gap, MapGrid, SurfaceMap
+from surfuse.records import FusionResult, Gap, MapGrid, SurfaceMap, in_words
 from surfuse.runs.configuration import write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import ScanLog, require_echoes
@@ -77,6 +77,7 @@ def fuse(
         ("readings", f"{summary['readings']} in {summary['stops']} sweeps"),
         ("cells", f"{summary['cells']} with a value, median sigma {summary['median_sigma_mm']:.2f} mm"),
         ("gaps", f"{summary['gaps']} sweeps without a value"),
+        *([("guard", in_words(surface.decisions))] if surface.decisions else []),
         ("wall time", f"{wall_s:.1f} s"),
         ("map", str(run.surface)),
         ("report", str(run.report)),
@@ -151,6 +152,7 @@ def _summary(
         "gaps": int((result.points.gap != int(Gap.NONE)).sum()),
         "cells": int(surface.mask.sum()),
         "median_sigma_mm": 1e3 * float(np.median(surface.sigma_m[surface.mask])),
+        **({"guard": in_words(surface.decisions)} if surface.decisions else {}),
         "frame_estimated": scan.frame_estimated,
         "warnings": list(scan.warnings),
     }

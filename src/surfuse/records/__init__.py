@@ -10,6 +10,7 @@ Ranges follow REP-117: `+inf` nothing within range, `-inf` too close, `nan` a fa
 from surfuse.records.checks import BoolArray, ByteArray, FloatArray, IntArray
 from surfuse.records.codes import Gap, Gate, Regime, Status
 from surfuse.records.fused import FusedPoint, FusedPoints, FusionScene
+from surfuse.records.guard import GuardReason, RegionDecision, in_words
 from surfuse.records.pictures import CameraFrame, CameraModel, Detection, Outline
 from surfuse.records.plan import ScanPlan, SkippedStop
 from surfuse.records.readings import Readings, readings_from_sweeps
@@ -31,6 +32,7 @@ __all__ = [
     "FusionScene",
     "Gap",
     "Gate",
+    "GuardReason",
     "IntArray",
     "JointSamples",
     "JointState",
@@ -39,6 +41,7 @@ __all__ = [
     "Outline",
     "Readings",
     "Regime",
+    "RegionDecision",
     "ScanPlan",
     "Score",
     "SensorSpec",
@@ -46,5 +49,6 @@ __all__ = [
     "Status",
     "SurfaceMap",
     "Sweep",
+    "in_words",
     "readings_from_sweeps",
 ]

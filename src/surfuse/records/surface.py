@@ -10,6 +10,7 @@ from surfuse.errors import DataError
 from surfuse.records.checks import BoolArray, ByteArray, FloatArray, IntArray, own, own_pose
 from surfuse.records.codes import Regime
 from surfuse.records.fused import FusedPoints
+from surfuse.records.guard import RegionDecision
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ class SurfaceMap:
     method: str
     alternative_height_m: FloatArray | None = None
     alternative_weight: FloatArray | None = None
+    decisions: tuple[RegionDecision, ...] = ()
 
     def __post_init__(self) -> None:
         shape = self.grid.shape

@@ -12,6 +12,7 @@ import h5netcdf
 import numpy as np
 
 from surfuse import __version__
+from surfuse.exporters.map_layers.decisions import write_decisions
 from surfuse.records import FusedPoints, Gap, Gate, MapGrid, Regime, SurfaceMap
 
 FORMAT = "surfuse map"
@@ -90,6 +91,8 @@ def write_native(path: Path, surface: SurfaceMap, points: FusedPoints | None) ->
         _write_axes(file, surface.grid)
         _write_layers(file, surface)
         _write_alternative(file, surface)
+        if surface.decisions:
+            write_decisions(file.create_group("guard"), surface.decisions)
         if points is not None:
             _write_points(file.create_group("points"), points)
 

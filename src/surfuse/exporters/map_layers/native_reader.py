@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surfuse.errors import DataError, StorageError
+from surfuse.exporters.map_layers.decisions import read_decisions
 from surfuse.exporters.map_layers.native import (
     FORMAT,
     FORMAT_VERSION,
@@ -117,6 +118,7 @@ def read_native(path: Path) -> SurfaceMap:
             method=str(file.attrs["method"]),
             alternative_height_m=second,
             alternative_weight=weight,
+            decisions=read_decisions(file["guard"]) if "guard" in file else (),
         )
         _verify(file, checksum_of(*layer_arrays(surface)))
         return surface

@@ -12,7 +12,7 @@ from surfuse.fusion.beam_model.orphans import reattached
 from surfuse.fusion.beam_model.plate import Stiffness
 from surfuse.fusion.beam_model.problem import Problem, arrivals
 from surfuse.fusion.beam_model.raster import Raster, slopes
-from surfuse.fusion.beam_model.search import Solution, evidence, find
+from surfuse.fusion.beam_model.search import Solution, descend, evidence, find
 from surfuse.fusion.beam_model.starts import nearest_allowed, plane, quadric, speckle_shift, tilted
 from surfuse.fusion.beam_model.surfels import Surfels
 from surfuse.records import BoolArray, FloatArray
@@ -86,6 +86,13 @@ def with_settled_edges(p: Problem, solution: Solution) -> Solution:
         return solution
     score = evidence(p, height, heard, solution.stiffness)
     return replace(solution, height_m=height, heard=heard, score=score) if score < solution.score else solution
+
+
+def completed(p: Problem, best: Solution, effort: Effort) -> Solution:
+    """The explanation settled on all stations of its raster, those that were held out of the search among them."""
+    height, heard = descend(p, best.height_m, best.stiffness, best.crease_m, (0.0,) * 2)
+    whole = replace(best, height_m=height, heard=heard, score=evidence(p, height, heard, best.stiffness))
+    return with_settled_edges(p, whole) if effort.settled else whole
 
 
 def finer(coarse: Problem, solution: Solution, raster: Raster) -> FloatArray:

@@ -11,12 +11,13 @@ from scipy.ndimage import binary_dilation
 
 from surfuse.fusion.beam_model.domain import heard_extent, inside_outline, raster_over
 from surfuse.fusion.beam_model.echo import SPEED_OF_SOUND_M_S, BeamTable, DetectorModel, beam_table
-from surfuse.fusion.beam_model.estimate import FULL, LEAN, Effort, explore, refine
+from surfuse.fusion.beam_model.estimate import FULL, LEAN, Effort, completed, explore, refine
+from surfuse.fusion.beam_model.guard import fallen_back, held_out, judged
 from surfuse.fusion.beam_model.problem import problem
 from surfuse.fusion.beam_model.raster import Raster
 from surfuse.fusion.beam_model.stations import Stations, gather, isolated, kinds, spacing
 from surfuse.fusion.beam_model.tiles import Sheet, Tile, blank, pasted, sheet_of, sparse, tiles
-from surfuse.records import BoolArray, FloatArray, FusionScene, MapGrid, Readings, Regime, SurfaceMap
+from surfuse.records import BoolArray, FloatArray, FusionScene, MapGrid, Readings, Regime, RegionDecision, SurfaceMap
 
 # Stations a coarse cell that take part in the search; the last refinement uses all.
 MOST_A_CELL = 6
@@ -94,14 +95,16 @@ def estimate_map(
     effort = FULL if len(parts) == 1 else LEAN
     sheet = blank(whole if len(parts) > 1 else fine_raster(scene, grid, g, heard, reach_m))
 
-    def solved(tile: Tile) -> Sheet:
-        return _solve(stations, tables, tile.raster, sheet.raster if effort.fine else None, step, edge, effort)
+    def solved(tile: Tile) -> tuple[Sheet, tuple[RegionDecision, ...]]:
+        return _solve(stations, tables, tile, sheet.raster if effort.fine else None, step, edge, effort)
 
+    decisions: list[RegionDecision] = []
     with ThreadPoolExecutor(min(len(parts), os.cpu_count() or 1)) as pool:
         # The order of the tiles, not that in which they finish, decides: the map is the same on every machine.
-        for tile, piece in zip(parts, pool.map(solved, parts), strict=True):
+        for tile, (piece, own) in zip(parts, pool.map(solved, parts), strict=True):
             sheet = pasted(sheet, piece, tile)
-    return on_grid(sheet, grid)
+            decisions.extend(own)
+    return replace(on_grid(sheet, grid), decisions=tuple(decisions))
 
 
 def fine_raster(scene: FusionScene, grid: MapGrid, g: float, heard_m: FloatArray, reach_m: float) -> Raster:
@@ -111,24 +114,29 @@ def fine_raster(scene: FusionScene, grid: MapGrid, g: float, heard_m: FloatArray
 
 
 def _solve(
-    stations: Stations, tables: tuple[BeamTable, ...], coarse_raster: Raster, fine: Raster | None, step: float,
+    stations: Stations, tables: tuple[BeamTable, ...], tile: Tile, fine: Raster | None, step: float,
     edge: float, effort: Effort,
-) -> Sheet:  # fmt: skip
-    """Estimate one raster from the stations over it."""
-    low, high = coarse_raster.extent()
+) -> tuple[Sheet, tuple[RegionDecision, ...]]:  # fmt: skip
+    """Estimate one raster from the stations over it, and let the stations that were held out judge it."""
+    coarse = tile.raster
+    low, high = coarse.extent()
     middle = stations.position_m + stations.axis * stations.range_m[:, None]
     pad = 0.15 * float(np.median(stations.range_m))
     near = np.all((middle[:, :2] >= low - pad) & (middle[:, :2] <= high + pad), axis=1)
     own = stations.select(near)
-    if len(own) == 0 or not np.any(coarse_raster.domain):
-        return blank(coarse_raster if fine is None else fine)
-    few = own.select(sparse(own, coarse_raster, MOST_A_CELL))
-    coarse = problem(few, tables, coarse_raster, step)
-    best = explore(coarse, edge, effort)[0]
-    if fine is None:
-        return sheet_of(coarse, best)
-    detailed = problem(own, tables, fine, step)
-    return sheet_of(detailed, refine(coarse, detailed, best))
+    if len(own) == 0 or not np.any(coarse.domain):
+        return blank(coarse if fine is None else fine), ()
+    few = own.select(sparse(own, coarse, MOST_A_CELL))
+    apart = held_out(few)
+    shown = problem(few.select(~apart), tables, coarse, step)
+    best = explore(shown, edge, effort)[0]
+    verdict = judged(shown, best, few.select(apart), tile if fine is None else None)
+    every = problem(few, tables, coarse, step)
+    final = completed(every, best, effort)
+    if fine is not None:
+        detailed = problem(own, tables, fine, step)
+        every, final = detailed, refine(every, detailed, final)
+    return fallen_back(sheet_of(every, final), every, verdict, coarse), verdict.decisions
 
 
 def on_grid(sheet: Sheet, grid: MapGrid) -> SurfaceMap:
