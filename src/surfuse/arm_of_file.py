@@ -10,10 +10,11 @@ from surfuse.arm_model import ArmModel
 from surfuse.arms import model_file
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
-from surfuse.motion.body import body_of, fixture_capsules
+from surfuse.motion.body import Capsule, body_of, fixture_capsules
 from surfuse.motion.clearance import ClearanceModel
 from surfuse.motion.limits import check_position
 from surfuse.motion.obstacles import Column, Floor, Obstacle, RingTable
+from surfuse.motion.own_links import own_links, separable_pairs
 from surfuse.records import Fixture, FloatArray
 from surfuse.settings import Settings
 
@@ -82,21 +83,36 @@ def _ready(
         return np.asarray(given)
     table = settings.cell
     ring = RingTable(table.table_height_m, table.table_inner_radius_m, table.table_outer_radius_m)
-    tubes = fixture_capsules(fixture, tool_link, settings.kit.tube_length_m)
-    check = ClearanceModel(arm.link_poses, body_of([*arm.capsules, *tubes]), (*around, Floor(), ring))
+    rods = (*arm.capsules, *fixture_capsules(fixture, tool_link, settings.kit.tube_length_m))
     radii, heights = np.meshgrid(np.arange(0.25, 0.75, 0.06), table.table_height_m + np.arange(0.0, 0.6, 0.1))
     targets = np.array([pose(_GRIP_OUTWARDS, [r, 0.0, z]) for r, z in zip(radii.flat, heights.flat, strict=True)])
     solutions, valid = arm.inverse(targets)
-    found = solutions[valid]
-    away = arm.singularity_distance(found)[:, 0] if len(found) else np.zeros(0)
-    room = check(found).distance_m if len(found) else np.zeros(0)
-    usable = (room > settings.arm.clearance_m) & (away > _SINGULAR_LEAST)
-    if not usable.any():
+    own = own_links(rods, _pairs_that_part(arm, rods, solutions[valid]))
+    check = ClearanceModel(arm.link_poses, body_of(rods), (*around, Floor(), ring), own)
+    merit = np.full(valid.shape, -np.inf)
+    if valid.any():
+        room, away = check(solutions[valid]).distance_m, arm.singularity_distance(solutions[valid])[:, 0]
+        usable = (room > settings.arm.clearance_m) & (away > _SINGULAR_LEAST)
+        merit[valid] = np.where(usable, np.minimum(room, _ROOM_ENOUGH_M) / _ROOM_ENOUGH_M + away, -np.inf)
+    # The configuration that is good at most places is the one of the scan, so that the way to it is short.
+    good = np.isfinite(merit).sum(axis=0)
+    if not good.any():
         raise ConfigError(
             f"no posture was found in which the tool frame '{settings.arm.tool}' looks outwards over the table "
-            f"({len(found)} postures reach such a place, none is clear of everything)",
+            f"({int(valid.sum())} postures reach such a place, none is clear of everything)",
             cure="change arm.base_height_m, name another tool frame (z along the beams), or give arm.ready_deg",
             where=settings.arm.file or "",
         )
-    merit = np.where(usable, np.minimum(room, _ROOM_ENOUGH_M) / _ROOM_ENOUGH_M + away, -np.inf)
-    return np.asarray(found[int(np.argmax(merit))])
+    k = int(np.argmax(good))
+    return np.asarray(solutions[int(np.argmax(merit[:, k])), k])
+
+
+def _pairs_that_part(
+    arm: model_file.ModelFileArm, rods: tuple[Capsule, ...], postures: FloatArray
+) -> tuple[tuple[str, str], ...]:
+    """Pairs of parts that are apart in some of the postures (N, J): the ready one is not known yet."""
+    few = postures[:: max(1, len(postures) // 12)]
+    pairs: dict[tuple[str, str], None] = {}
+    for posture in few:
+        pairs |= dict.fromkeys(separable_pairs(rods, arm.link_poses, arm.lower_rad, arm.upper_rad, posture))
+    return tuple(pairs)

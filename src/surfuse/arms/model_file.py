@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surfuse.arms.models.arm_file import ArmChain, read_arm
+from surfuse.arms.models.closed_form import closed_form, in_columns
 from surfuse.arms.models.screw_chain import distinct, place_many, solve_along, spread
 from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.poses import inverse as inverted
@@ -19,6 +20,8 @@ from surfuse.records import BoolArray, FloatArray
 
 SINGULARITIES = ("loss of a direction",)
 
+_COLUMNS = 16  # configurations of a closed form: eight, and room for those that come and go
+
 _SPARE_STARTS = 3  # few: every pose out of reach pays for all of them
 
 
@@ -28,7 +31,8 @@ class Parameters:
 
     `velocity_rad_s`, `acceleration_rad_s2`: limits of every joint. `configurations`: most solutions that are followed
     through a list of poses; `starts`: joint positions, spread over the limits, from which they are looked for.
-    `reach_m`: length that makes angles and distances comparable in `singularity_distance`.
+    `reach_m`: length that makes angles and distances comparable in `singularity_distance`. `closed_form`: use one
+    where there is one.
     """
 
     velocity_rad_s: float = 1.0
@@ -36,6 +40,7 @@ class Parameters:
     configurations: int = 8
     starts: int = 64
     reach_m: float = 0.5
+    closed_form: bool = True
 
     def __post_init__(self) -> None:
         for name in ("velocity_rad_s", "acceleration_rad_s2", "configurations", "starts", "reach_m"):
@@ -58,8 +63,14 @@ class ModelFileArm:
         self._home = chain.home.copy()
         self._home[-1] = chain.home[-1] @ frame_from_tool
         self._parameters = parameters
+        self._closed = closed_form(chain.axis, chain.point, self._home) if parameters.closed_form else None
         self._turn = np.zeros((6, 6))
         self._turn[:3, :3] = self._turn[3:, 3:] = self._world_from_base[:3, :3]
+
+    @property
+    def has_closed_form(self) -> bool:
+        """Whether the inverse is solved in closed form, by EAIK; else by damped least squares."""
+        return self._closed is not None
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -124,13 +135,16 @@ class ModelFileArm:
     def inverse(self, world_from_tool: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
         """Solutions for poses (N, 4, 4): joints (N, K, J), and which (N, K) reach the pose within the joint limits.
 
-        Column k is one configuration, followed from pose to pose; the configurations are those of the first pose that
-        can be reached. An arm with more than six joints has endlessly many solutions, of which each column is one.
+        Column k is one configuration, followed from pose to pose. Where the arm has a closed form (and EAIK is
+        installed) all solutions are found, else those whose configuration the first reachable pose has. An arm with
+        more than six joints has endlessly many solutions, of which each column is one.
         """
         poses = np.ascontiguousarray(world_from_tool, dtype=np.float64)
         if poses.ndim != 3 or poses.shape[1:] != (4, 4):
             raise DataError(f"poses have shape {poses.shape}, wanted (N, 4, 4)")
         targets = np.ascontiguousarray(self._base_from_world @ poses)
+        if self._closed is not None:
+            return in_columns(self._closed(targets), self.lower_rad, self.upper_rad, _COLUMNS)
         chain = self.screw_arguments
         spare = spread(_SPARE_STARTS, self.lower_rad, self.upper_rad)
         return solve_along(*chain, targets, self._configurations(targets), spare)

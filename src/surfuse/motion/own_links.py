@@ -15,6 +15,7 @@ from surfuse.records import FloatArray, IntArray
 _APART = 2  # links that share a joint touch there
 _TRIED = 200
 _USUAL_SHARE = 0.2
+_NEIGHBOURS_M = 0.008
 _TINY_M2 = 1e-18  # squared length of what is a point
 
 
@@ -22,7 +23,8 @@ _TINY_M2 = 1e-18  # squared length of what is a point
 class OwnLinks:
     """Rods (R,) of an arm and which of them must keep clear of each other.
 
-    `start_m`, `end_m` (R, 3) in the frame of `link`; `part` indexes `names`; `pairs` (P, 2) are rods.
+    `start_m`, `end_m` (R, 3) in the frame of `link`; `part` indexes `names`; `pairs` (P, 2) are rods. Rods further
+    apart than `keep_m` do not count: an arm is as slender as it is built, however wide a berth it gives to others.
     """
 
     names: tuple[str, ...]
@@ -32,6 +34,7 @@ class OwnLinks:
     end_m: FloatArray
     radius_m: FloatArray
     pairs: IntArray
+    keep_m: float = 0.005
 
     def nearest(self, link_poses: FloatArray) -> tuple[FloatArray, IntArray]:
         """Least distance (N,) between rods of a pair (negative: overlap), and the number (N,) of that pair."""
@@ -69,8 +72,9 @@ def separable_pairs(
 ) -> tuple[tuple[str, str], ...]:
     """Pairs of parts for an arm of which nothing but its shape is known.
 
-    Parts of links that share a joint are left out, and parts that overlap in the ready posture or in a fifth of all
-    postures: rods are larger than what they cover, and such parts are neighbours in truth.
+    Parts of links that share a joint are left out, and parts that overlap in the ready posture, or are nearer than
+    `_NEIGHBOURS_M` in a fifth of all postures: rods are larger than what they cover, and such parts are neighbours in
+    truth.
     """
     names = tuple(dict.fromkeys(capsule.name for capsule in capsules))
     links = {name: [capsule.link for capsule in capsules if capsule.name == name] for name in names}
@@ -83,7 +87,7 @@ def separable_pairs(
             if min(abs(a - b) for a in links[one] for b in links[other]) < _APART:
                 continue
             gap, _ = own_links(capsules, [(one, other)]).nearest(poses)
-            if gap[0] > 0.0 and np.mean(gap <= 0.0) < _USUAL_SHARE:
+            if gap[0] > 0.0 and np.mean(gap <= _NEIGHBOURS_M) < _USUAL_SHARE:
                 found.append((other, one))
     return tuple(found)
 

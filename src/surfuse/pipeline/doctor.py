@@ -21,7 +21,14 @@ from surfuse.surface.gridding import lattice
 from surfuse.twin import build_cell
 
 _CORE = ("numpy", "scipy", "numba", "embreex", "trimesh", "opencv-python-headless", "mcap", "h5netcdf", "viser")
-_EXTRAS = {"sdfio": "surface", "x3pio": "surface", "serial": "serial", "gpiozero": "gpio", "mujoco": "dynamics"}
+_EXTRAS = {
+    "sdfio": "surface",
+    "x3pio": "surface",
+    "serial": "serial",
+    "gpiozero": "gpio",
+    "mujoco": "dynamics",
+    "eaik": "closed-form",
+}
 
 Check = tuple[str, str, bool]
 
