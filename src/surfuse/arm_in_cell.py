@@ -10,31 +10,37 @@ import numpy as np
 
 from surfuse.arm_model import ArmModel, TwinArm
 from surfuse.arms import puma560, simulated, trident
-from surfuse.arms.puma.volume import CAPSULES, TOOL_LINK, column
+from surfuse.arms.puma.volume import CAPSULES, OWN_PAIRS, TOOL_LINK, column
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.interfaces import Clock, World
 from surfuse.motion.body import body_of, fixture_capsules
 from surfuse.motion.clearance import ClearanceModel
 from surfuse.motion.control.computed_torque import ComputedTorque
-from surfuse.motion.obstacles import Obstacle
+from surfuse.motion.guard import GuardParameters, MotionGuard
+from surfuse.motion.obstacles import Floor, Obstacle, RingTable
 from surfuse.motion.own_links import own_links, separable_pairs
-from surfuse.motion.planners import LinePlanner, slowed, through_lines, torque_limited, trapezoidal
+from surfuse.motion.planners import LinePlanner, slowed, through_lines, torque_limited, trapezoidal, within_tool_speed
 from surfuse.records import Fixture
 from surfuse.servo_twin import ServoTwinArm, build_servo_arm, known_model
 from surfuse.settings import Settings
 
+_PLANNED_M = 1e-3
 _POTENTIOMETERS = 0x5EED  # keeps the noise of the start-up calibration apart from the world's random streams
 
 
 @dataclass(frozen=True)
 class ArmInCell:
-    """The arm with its driver, its model, and the collision check that it makes for a list of obstacles."""
+    """The arm with its driver, its model, and the collision check that it makes for a list of obstacles.
+
+    `line_planner` makes the planner of smooth passes for a speed of the tool. `guard` checks every motion.
+    """
 
     arm: TwinArm
     model: ArmModel
     clearance: Callable[[tuple[Obstacle, ...]], ClearanceModel]
     line_planner: Callable[[float], LinePlanner]
+    guard: MotionGuard
 
 
 def arm_in_cell(settings: Settings, fixture: Fixture, world: World, clock: Clock) -> ArmInCell:
@@ -45,18 +51,20 @@ def arm_in_cell(settings: Settings, fixture: Fixture, world: World, clock: Clock
     ConfigError : there is no such arm.
     """
     model = arm_model(settings, fixture)
+    clearance = partial(_clearance, model, fixture, settings.kit.tube_length_m)
+    limits, guard = slowed(model.limits, settings.arm.speed_share), _guard(settings, model, clearance)
     arm: TwinArm
     if settings.arm.driven_by == "trident":
-        arm = _behind_cards(settings, model, world, clock)
+        arm = _behind_cards(settings, model, world, clock, guard)
     else:
-        motion = simulated.Parameters(settings.arm.settle_s, settings.arm.speed_share, model.encoder_rad_per_count)
-        arm = simulated.create(model.kinematics, world, clock, model.limits, model.ready_rad, motion)
+        arm = _without_dynamics(settings, model, world, clock, guard)
     dynamics = known_model(settings.arm.fixture_kg) if settings.arm.driven_by == "trident" else None
     return ArmInCell(
         arm,
         model,
-        partial(_clearance, model, fixture, settings.kit.tube_length_m),
-        partial(through_lines, model.kinematics, slowed(model.limits, settings.arm.speed_share), dynamics),
+        clearance,
+        lambda speed_m_s: guard.checked(through_lines(model.kinematics, limits, dynamics, speed_m_s)),
+        guard,
     )
 
 
@@ -95,10 +103,31 @@ def arm_model(settings: Settings, fixture: Fixture) -> ArmModel:
         CAPSULES,
         TOOL_LINK,
         (column(settings.arm.base_height_m),),
+        OWN_PAIRS,
     )
 
 
-def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Clock) -> ServoTwinArm:
+def _guard(
+    settings: Settings, model: ArmModel, clearance: Callable[[tuple[Obstacle, ...]], ClearanceModel]
+) -> MotionGuard:
+    """The check of every motion; before the part is found it knows the table and the floor."""
+    table, own = settings.cell, settings.arm
+    ring = RingTable(table.table_height_m, table.table_inner_radius_m, table.table_outer_radius_m)
+    # A little less than what is planned with: the arm starts from where it was sent, not quite from where it is.
+    keep = GuardParameters(max(own.clearance_m - _PLANNED_M, 0.0), own.tool_speed_max_m_s)
+    return MotionGuard(model.kinematics, model.limits, clearance, (Floor(), ring), keep)
+
+
+def _without_dynamics(
+    settings: Settings, model: ArmModel, world: World, clock: Clock, guard: MotionGuard
+) -> simulated.SimulatedArm:
+    """An arm that is where it is sent, after the time that a move takes within its limits."""
+    own = settings.arm
+    motion = simulated.Parameters(own.settle_s, own.speed_share, model.encoder_rad_per_count, own.tool_speed_max_m_s)
+    return simulated.create(model.kinematics, world, clock, model.limits, model.ready_rad, motion, guard)
+
+
+def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Clock, guard: MotionGuard) -> ServoTwinArm:
     """The PUMA 560 with its dynamics, driven through the servo cards."""
     own = settings.arm
     known = known_model(own.fixture_kg)
@@ -114,10 +143,11 @@ def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Cloc
         clock,
         rng,
         own.law,
-        planner,
+        within_tool_speed(planner, model.kinematics, own.tool_speed_max_m_s),
         start_rad=model.ready_rad,
         parameters=trident.Parameters(rest_s=own.settle_s),
         fixture_kg=own.fixture_kg,
+        guard=guard,
     )
     return ServoTwinArm(parts, world)
 
@@ -134,7 +164,8 @@ def _clearance(
     model: ArmModel, fixture: Fixture, tube_length_m: float, obstacles: tuple[Obstacle, ...]
 ) -> ClearanceModel:
     rods = (*model.capsules, *fixture_capsules(fixture, model.tool_link, tube_length_m))
-    own = own_links(
-        rods, separable_pairs(rods, model.link_poses, model.limits.lower_rad, model.limits.upper_rad, model.ready_rad)
-    )
+    limits, pairs = model.limits, model.own_pairs
+    if pairs is None:
+        pairs = separable_pairs(rods, model.link_poses, limits.lower_rad, limits.upper_rad, model.ready_rad)
+    own = own_links(rods, pairs)
     return ClearanceModel(model.link_poses, body_of(rods), (*model.around, *obstacles), own)

@@ -32,6 +32,7 @@ class ArmModel:
 
     `ready_rad` (J,) is the posture of the search. `capsules` are its own outer shape, `tool_link` the index of the
     tool among the link poses, `around` the solids that it stands on and that only its outer links could touch.
+    `own_pairs` are parts that must keep clear of each other (None: found from the shape).
     """
 
     kinematics: Kinematics
@@ -42,3 +43,4 @@ class ArmModel:
     capsules: tuple[Capsule, ...]
     tool_link: int
     around: tuple[Obstacle, ...]
+    own_pairs: tuple[tuple[str, str], ...] | None = None

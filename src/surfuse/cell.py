@@ -26,6 +26,10 @@ class Truth:
     triangles: IntArray
 
 
+def _nothing(obstacles: tuple[Obstacle, ...]) -> None:
+    """A cell whose arm checks its motions by itself."""
+
+
 @dataclass(frozen=True)
 class SmoothMotion:
     """The arm as one that other devices are used on while it moves, and its planner for a speed of the tool (m/s)."""
@@ -43,6 +47,7 @@ class Cell:
     z up). `clearance` makes the collision check for a list of obstacles. `begin` tells a twin which stop comes next;
     a real cell ignores it. `truth` is None in a real cell. `counters` counts what happened on the bus between host and
     array (None: there is no bus). `smooth` is what a pass without stops needs (None: the arm must stand to be used).
+    `surround` tells the check of all motions what stands around the arm, once that is known.
     """
 
     clock: Clock
@@ -60,6 +65,7 @@ class Cell:
     warnings: tuple[str, ...] = ()
     counters: Callable[[], BusCounters] | None = None
     smooth: SmoothMotion | None = None
+    surround: Callable[[tuple[Obstacle, ...]], None] = _nothing
 
     @property
     def specs(self) -> tuple[SensorSpec, ...]:

@@ -135,11 +135,13 @@ def build_servo_arm(
     calibrated_at_start: bool = True,
     fixture_kg: float = FIXTURE.mass_kg,
     compiled_loop: bool = True,
+    guard: trident.Guard | None = None,
 ) -> ServoArm:
     """An arm that stands at `start_rad` (6,), brakes on; it calibrates itself when it is opened, if asked to.
 
     `planner` is by default the one that goes to the torque limits. Without `calibrated_at_start` the driver is told
     where the arm stands. `compiled_loop` false runs every tick through the card's registers, to the same numbers.
+    `guard` as in `surfuse.arms.simulated.create`.
     """
     model = known_model(fixture_kg)
     chosen = control_law(law, model)
@@ -155,6 +157,7 @@ def build_servo_arm(
         planner or torque_limited(model, LIMITS),
         Calibration() if calibrated_at_start else start_rad,
         parameters or trident.Parameters(),
+        guard,
         loop=CompiledTicks(card, plant) if compiled_loop else None,
     )
     return ServoArm(arm, plant, card, chosen, own_time)

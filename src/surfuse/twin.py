@@ -106,6 +106,7 @@ def build_cell(settings: Settings) -> Cell:
         warnings=part.warnings,
         counters=(lambda: array.counters) if isinstance(array, ArrayInProcess | ArrayElsewhere) else None,
         smooth=SmoothMotion(arm, mover.line_planner),
+        surround=mover.guard.surround,
     )
 
 

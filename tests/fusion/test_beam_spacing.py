@@ -1,4 +1,4 @@
-"""The spacing that the beam method takes from the readings: of a raster, of lines read on the fly, of scattered points."""
+"""The spacing that the beam method takes from the readings: of a raster, of lines, of scattered points."""
 
 import numpy as np
 import pytest

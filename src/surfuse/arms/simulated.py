@@ -16,8 +16,8 @@ import numpy as np
 from surfuse.errors import ConfigError, SafetyStopError
 from surfuse.interfaces import AlwaysOpen, Clock, Kinematics, World
 from surfuse.motion.limits import JointLimits, check_position
+from surfuse.motion.planners import trapezoidal, within_tool_speed
 from surfuse.motion.trajectory import Trajectory
-from surfuse.motion.trapezoid import durations_s
 from surfuse.records import FloatArray, JointSamples, JointState
 
 _SAMPLE_S = 4e-3  # between two encoder samples of a motion: a straight line between them is off by a dt^2 / 8
@@ -32,17 +32,21 @@ class Parameters:
 
     `settle_s`: rest after each move, in s. `speed_share`: share in (0, 1] of the joint speeds and accelerations.
     `encoder_rad_per_count`: joint angle of one count, one value for every joint or one for each, in rad.
+    `tool_speed_max_m_s`: moves that would be faster at the tool are slowed.
     """
 
     settle_s: float = 0.15
     speed_share: float = 1.0
     encoder_rad_per_count: tuple[float, ...] = (1e-4,)
+    tool_speed_max_m_s: float = np.inf
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.settle_s) and self.settle_s >= 0.0):
             raise ConfigError(f"settle_s = {self.settle_s}", cure="give a time of 0 s or more")
         if not 0.0 < self.speed_share <= 1.0:
             raise ConfigError(f"speed_share = {self.speed_share}", cure="give a share above 0, at most 1")
+        if not self.tool_speed_max_m_s > 0.0:
+            raise ConfigError(f"tool_speed_max_m_s = {self.tool_speed_max_m_s}", cure="give a speed > 0 m/s")
         if not all(np.isfinite(count) and count > 0.0 for count in self.encoder_rad_per_count):
             raise ConfigError(
                 f"encoder_rad_per_count = {self.encoder_rad_per_count}", cure="give positive angles in rad"
@@ -72,6 +76,7 @@ class SimulatedArm(AlwaysOpen):
             acceleration_rad_s2=parameters.speed_share * limits.acceleration_rad_s2,
         )
         self._parameters = parameters
+        self._planner = within_tool_speed(trapezoidal(self._limits), kinematics, parameters.tool_speed_max_m_s)
         self._guard = guard
         self._target_rad = np.array(start_rad, dtype=np.float64)
         self._true_rad = self._target_rad
@@ -113,8 +118,7 @@ class SimulatedArm(AlwaysOpen):
         if self._guard is not None:
             self._guard(self._target_rad, target)
         # From target to target: the time of a move must not depend on the errors of the moves before it.
-        duration = float(durations_s(self._target_rad, target, self._limits))
-        self._clock.advance(duration + self._parameters.settle_s)
+        self._clock.advance(self._planner(self._target_rad, target).duration_s + self._parameters.settle_s)
         self._target_rad = target
         self._true_rad = target + self._world.repeatability(len(target))
         return self.joint_state()

@@ -71,7 +71,7 @@ class ClearanceModel:
     ) -> None:
         """Update distance, part and obstacle (N,), in place, where two own links are nearer than any obstacle."""
         gap, pair = own.nearest(poses)
-        nearer = np.flatnonzero(gap < distance)
+        nearer = np.flatnonzero((gap < distance) & (gap < own.keep_m))
         mine, other = own.part[own.pairs[pair[nearer], 0]], own.part[own.pairs[pair[nearer], 1]]
         distance[nearer] = gap[nearer]
         part[nearer] = np.array([self.body.names.index(name) for name in own.names], dtype=np.int64)[mine]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 
 from surfuse.interfaces import Kinematics
 from surfuse.motion.jerk_limited import JerkLimitedMove
@@ -22,7 +23,50 @@ Planner = Callable[[FloatArray, FloatArray], Trajectory]
 LinePlanner = Callable[[FloatArray], tuple[Trajectory, FloatArray]]
 """Plans a motion from rest to rest through joint positions (N, J), and says when (N,) it is at each of them."""
 
+_PLACES = 81  # of a move at which the speed of the tool is looked at
+_PEAK = 1.02
 _STEP_RAD = 1e-5  # of the difference quotients of the tool's place
+
+
+@dataclass(frozen=True)
+class Stretched:
+    """A motion that takes `factor` times as long."""
+
+    motion: Trajectory
+    factor: float
+
+    @property
+    def duration_s(self) -> float:
+        """Time from rest to rest."""
+        return self.factor * self.motion.duration_s
+
+    def sample(self, t_s: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position, speed and acceleration (T, J) at times (T,) from the start; at rest before and after."""
+        position, speed, acceleration = self.motion.sample(np.asarray(t_s, dtype=np.float64) / self.factor)
+        return position, speed / self.factor, acceleration / self.factor**2
+
+
+def within_tool_speed(planner: Planner, kinematics: Kinematics, tool_speed_m_s: float) -> Planner:
+    """The same moves, slowed where the tool would be faster than this."""
+
+    def plan(start_rad: FloatArray, end_rad: FloatArray) -> Trajectory:
+        motion = planner(start_rad, end_rad)
+        if tool_speed_m_s == np.inf:
+            return motion
+        t = np.linspace(0.0, motion.duration_s, _PLACES)
+        # The mean between two places may hide a little of the peak.
+        fastest = _PEAK * tool_speed(kinematics, t, motion.sample(t)[0])
+        return motion if fastest <= tool_speed_m_s else Stretched(motion, fastest / tool_speed_m_s)
+
+    return plan
+
+
+def tool_speed(kinematics: Kinematics, t_s: FloatArray, joints_rad: FloatArray) -> float:
+    """Highest mean speed (m/s) of the tool between joints (T, J) at times (T,)."""
+    if len(t_s) < 2 or t_s[-1] <= t_s[0]:
+        return 0.0
+    places = kinematics.forward(joints_rad)[:, :3, 3]
+    return float(np.max(np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(t_s)))
 
 
 def through_lines(

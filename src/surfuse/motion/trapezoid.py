@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from surfuse.errors import DataError
 from surfuse.motion.limits import JointLimits
 from surfuse.records import FloatArray
 
@@ -40,6 +41,12 @@ class TrapezoidalMove:
     start_rad: FloatArray
     end_rad: FloatArray
     limits: JointLimits
+
+    def __post_init__(self) -> None:
+        for name in ("start_rad", "end_rad"):
+            value = np.asarray(getattr(self, name))
+            if value.shape != (len(self.limits),) or not np.all(np.isfinite(value)):
+                raise DataError(f"{name} = {value.tolist()}, wanted {len(self.limits)} finite angles")
 
     @property
     def duration_s(self) -> float:

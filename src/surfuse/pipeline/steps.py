@@ -166,7 +166,9 @@ def go_to_start(cell: Cell, settings: Settings, outline: Outline, plan: ScanPlan
     """
     if stop >= len(plan):
         return
-    check = cell.clearance(_obstacles(settings, outline))
+    around = _obstacles(settings, outline)
+    cell.surround(around)
+    check = cell.clearance(around)
     here, least_m = cell.arm.joint_state().position_rad, settings.arm.clearance_m
     for joints in approach(here, plan.joints_rad[max(stop - 1, 0)], cell.arm.kinematics, check, least_m):
         cell.arm.move_to(joints)
