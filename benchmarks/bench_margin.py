@@ -1,9 +1,9 @@
 """How far outlines must be enlarged, and how far the margin that follows from their uncertainty enlarges them.
 
-Run: python benchmarks/bench_margin.py [--scenes 200] [--seed 1] [--rows FILE.csv]. Every scene has one random part
-(block, cylinder, wedge, L-shaped plate, pyramid stump) of random size, place, turn and lean on the table of the
-reference cell. The camera centres it, the ranger of the twin measures its distance, vision outlines it. The needed
-margin is the largest distance by which the true outline (the part seen along w) leaves the outline found.
+Run: python benchmarks/bench_margin.py [--scenes 200] [--seed 1] [--rows FILE.csv] [--plot FILE.svg]. Every scene has
+one random part (block, cylinder, wedge, L-shaped plate, pyramid stump) of random size, place, turn and lean on the
+table of the reference cell. The camera centres it, the ranger of the twin measures its distance, vision outlines it.
+The needed margin is the largest distance by which the true outline (the part seen along w) leaves the outline found.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from surfuse.pipeline.steps import finder
 from surfuse.plan.front_view import front_view
 from surfuse.plan.margin import margin_for
 from surfuse.records import CameraFrame, FloatArray, Outline
+from surfuse.report.line_charts import Chart, Series, picture
 from surfuse.settings import from_tree
 from surfuse.twin import camera_model, camera_mount, ranger_mount, shoulder_spec
 from surfuse.vision.distance import ShoulderRange
@@ -161,11 +162,32 @@ def percentiles(values: FloatArray) -> str:
     return ", ".join(f"{share} %: {1e3 * np.percentile(values, share):.1f}" for share in shares)
 
 
+def plot(rows: list[Row]) -> str:
+    """Cumulative distributions, as SVG: what was needed, what was given, and the difference."""
+
+    def shares(name: str, values: list[float]) -> Series:
+        ordered = sorted(1e3 * value for value in values)
+        return Series(name, tuple((value, 100.0 * (k + 1) / len(ordered)) for k, value in enumerate(ordered)))
+
+    needs = (
+        shares("needed, as the camera saw it", [row.needed_as_seen for row in rows]),
+        shares("needed, along w", [row.needed for row in rows]),
+        shares("given", [row.margin for row in rows]),
+    )
+    spare = (shares("given minus needed", [row.margin - row.needed for row in rows]),)
+    charts = [
+        Chart("How far the outline must grow, and grows", "margin (mm)", "share of scenes (%)", needs, (0.0, 100.0)),
+        Chart("Beyond the need", "margin beyond the need (mm)", "share of scenes (%)", spare, (0.0, 100.0)),
+    ]
+    return picture(charts, f"Margin over {len(rows)} random scenes")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rows", type=Path, help="CSV file for every scene")
+    parser.add_argument("--plot", type=Path, help="SVG file of the distributions")
     chosen = parser.parse_args()
     rows = [measured(1000 * chosen.seed + number) for number in range(chosen.scenes)]
     seen = [row for row in rows if row is not None]
@@ -174,6 +196,8 @@ def main() -> None:
             writer = csv.DictWriter(file, list(asdict(seen[0])))
             writer.writeheader()
             writer.writerows(asdict(row) for row in seen)
+    if chosen.plot:
+        chosen.plot.write_text(plot(seen))
     needed, margin = np.array([r.needed for r in seen]), np.array([r.margin for r in seen])
     print(f"scenes {len(rows)}, not outlined {len(rows) - len(seen)}, without range {sum(not r.ranged for r in seen)}")
     print(

@@ -18,13 +18,14 @@ from surfuse.pipeline.map_of_result import surface_of
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome
 from surfuse.pipeline.scoring import edge_m
-from surfuse.pipeline.steps import finder
+from surfuse.pipeline.search_view import found_parts
+from surfuse.plan.margin import margin_in_words
 from surfuse.records import FloatArray, FusionScene, Readings, Score, SurfaceMap
 from surfuse.report.content import (
     Event,
-    FoundPart,
     KeyFigure,
     NamedMap,
+    PlanView,
     ReportContent,
     Scenery,
     ScoreRow,
@@ -43,7 +44,6 @@ from surfuse.surface.compare import score
 from surfuse.surface.splines import spline_surface
 from surfuse.surface.truth import read_mesh, truth_around
 from surfuse.twin import square_fixture
-from surfuse.vision.dominant_points import DominantPointParameters, dominant_points
 
 _LEVELS: dict[int, Literal["info", "warning", "error"]] = {
     Level.INFO: "info",
@@ -114,10 +114,8 @@ def content_of(run: RunFolder, scan: ScanLog | None = None, against: str = PAPER
         made=f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
         version=__version__,
         figures=_figures(data, surface),
-        parts=_parts(log, settings),
-        plan=plan_view(log.plan, log.scene.outline.vertices_m)
-        if log and log.plan and log.scene and log.scene.outline
-        else None,
+        parts=found_parts(log, settings) if log is not None and settings is not None else (),
+        plan=_plan(log, settings),
         maps=(NamedMap(surface.method, surface), NamedMap("spline", spline)),
         rival=NamedMap(rival.method, rival) if rival is not None else None,
         truth=NamedMap("truth", truth) if truth is not None else None,
@@ -180,28 +178,13 @@ def _figures(data: dict[str, object], surface: SurfaceMap) -> tuple[KeyFigure, .
     return tuple(found)
 
 
-def _parts(log: RunLog | None, settings: Settings | None) -> tuple[FoundPart, ...]:
-    """The search picture with what the vision sees in it."""
-    if log is None or settings is None:
-        return ()
-    parts = []
-    for number, frame in enumerate(log.frames, start=1):
-        for detection in finder(settings)(frame)[:1]:
-            aspect = frame.camera.fy_px / frame.camera.fx_px
-            parameters = DominantPointParameters(tolerance_px=settings.search.tolerance_px)
-            chosen = dominant_points(detection.contour_px, parameters, row_scale=1.0 / aspect)
-            parts.append(
-                FoundPart(
-                    label=f"part {number}",
-                    image=frame.image,
-                    contour_px=detection.contour_px,
-                    dominant_px=detection.contour_px[chosen.indices],
-                    pixel_aspect=aspect,
-                    threshold=detection.level,
-                    histogram=np.bincount(frame.image.ravel(), minlength=256),
-                )
-            )
-    return tuple(parts)
+def _plan(log: RunLog | None, settings: Settings | None) -> PlanView | None:
+    """The plan over the outline as the camera saw it, and why its margin is as large as it is."""
+    if log is None or log.plan is None or log.scene is None or log.scene.outline is None:
+        return None
+    given = settings is not None and settings.scan.margin_m is not None
+    text = margin_in_words(log.scene.outline, log.plan.outline.margin_m, given)
+    return plan_view(log.plan, log.scene.outline.vertices_m, text)
 
 
 def _truth(run: RunFolder, surface: SurfaceMap) -> SurfaceMap | None:

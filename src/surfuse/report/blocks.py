@@ -16,6 +16,11 @@ def section(name: str, title: str, *children: Child, long: bool = False) -> Mark
     return element("section", attributes, element("h2", {"id": f"{name}-title"}, title), *children)
 
 
+def key(colour: str, text: str, kind: str = "") -> Markup:
+    """One entry of a legend: a swatch of a colour and what it stands for."""
+    return element("span", {"class": f"swatch {kind}".strip(), "style": f"--key:{colour}"}, text)
+
+
 def contents(entries: list[tuple[str, str]]) -> Markup:
     """Links to the sections of the page."""
     links: list[Child] = [element("a", {"href": f"#{name}"}, title) for name, title in entries]

@@ -18,6 +18,7 @@ from surfuse.records import (
     FloatArray,
     FusedPoints,
     IntArray,
+    Outline,
     Readings,
     ScanPlan,
     Score,
@@ -55,10 +56,21 @@ class KeyFigure:
 
 
 @dataclass(frozen=True)
+class MarkedLevel:
+    """The threshold of one method, the last grey level of the dark class, and how separate the classes are (0 to 1)."""
+
+    method: str
+    level: int
+    separability: float
+
+
+@dataclass(frozen=True)
 class FoundPart:
     """A part as the camera saw it: grey image (H, W), contour and dominant points (N, 2) as x, y in pixels.
 
     `pixel_aspect` is the width of a pixel over its height; `histogram` counts the 256 grey levels (empty: none).
+    `threshold` is the level that the part was found with, `levels` what the methods make of the whole picture.
+    `outline` is the part in metres with its standard deviations, `facts` what else is known, each a few words.
     """
 
     label: str
@@ -68,6 +80,9 @@ class FoundPart:
     pixel_aspect: float = 1.0
     threshold: int | None = None
     histogram: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    levels: tuple[MarkedLevel, ...] = ()
+    outline: Outline | None = None
+    facts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         image = np.array(self.image)
@@ -93,14 +108,15 @@ class PlanView:
     skipped: tuple[SkippedStop, ...] = ()
     step_m: float = float("nan")
     margin_m: float = float("nan")
+    margin_text: str = ""
 
     def __post_init__(self) -> None:
         for name in ("outline_m", "stops_m", "enlarged_m"):
             _freeze(self, name, np.float64, (2,))
 
 
-def plan_view(plan: ScanPlan, outline_m: FloatArray) -> PlanView:
-    """The drawing of a scan plan over the outline (N, 2) that the camera saw."""
+def plan_view(plan: ScanPlan, outline_m: FloatArray, margin_text: str = "") -> PlanView:
+    """The drawing of a scan plan over the outline (N, 2) that the camera saw; the text says why the margin is so."""
     return PlanView(
         outline_m=outline_m,
         stops_m=plan.uv_m,
@@ -108,6 +124,7 @@ def plan_view(plan: ScanPlan, outline_m: FloatArray) -> PlanView:
         skipped=plan.skipped,
         step_m=plan.step_m,
         margin_m=plan.outline.margin_m,
+        margin_text=margin_text,
     )
 
 

@@ -23,13 +23,13 @@ from surfuse.report.map_data import MM, group_data, legends, stop_data
 from surfuse.report.markup import Child, Markup, element
 from surfuse.report.packing import stride_for
 from surfuse.report.scene_limits import SceneLimits
+from surfuse.report.search_section import search_section
 from surfuse.report.sections import (
     counts_section,
     explorer_section,
     plan_section,
     relief_section,
     replay_section,
-    search_section,
     thinning_note,
 )
 from surfuse.report.side_section import side_section

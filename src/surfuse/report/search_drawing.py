@@ -62,7 +62,7 @@ def search_image(part: FoundPart, longest_px: int) -> Markup:
 
 
 def histogram_chart(part: FoundPart) -> Markup | None:
-    """Grey levels of the image with the threshold that splits them; None without a histogram."""
+    """Grey levels of the image with the thresholds that split them; None without a histogram."""
     if not len(part.histogram):
         return None
     counts = np.sqrt(part.histogram.astype(np.float64))
@@ -70,11 +70,18 @@ def histogram_chart(part: FoundPart) -> Markup | None:
     outline = [(0.0, 0.0), *zip(range(256), counts.tolist(), strict=True), (255.0, 0.0)]
     layers = frame_axes(frame, "grey level", "√ pixels", y_ticks=False)
     layers.append(element("path", {"d": frame.path(outline, True), "class": "bars"}))
+    layers += [line for one in part.levels for line in _marked(frame, one.level, "level", one.method)]
     if part.threshold is not None:
-        x = round(frame.x(part.threshold), 2)
-        layers.append(element("line", {"x1": x, "x2": x, "y1": 26, "y2": 156, "class": "threshold"}))
+        layers += _marked(frame, part.threshold, "threshold", f"threshold {part.threshold}")
         anchor = "start" if part.threshold < 128 else "end"
         shift = 6 if part.threshold < 128 else -6
-        words: dict[str, Value] = {"x": x + shift, "y": 18, "text-anchor": anchor, "class": "mark-label"}
-        layers.append(element("text", words, f"threshold {part.threshold}"))
+        place: dict[str, Value] = {"x": frame.x(part.threshold) + shift, "y": 18, "text-anchor": anchor}
+        layers.append(element("text", {**place, "class": "mark-label"}, f"threshold {part.threshold}"))
     return drawing(520, 200, f"Histogram of {part.label}", layers)
+
+
+def _marked(frame: Frame, level: int, kind: str, name: str) -> list[Markup]:
+    """A vertical line at a grey level; a pointer that rests on it reads its name."""
+    x = round(frame.x(level), 2)
+    place: dict[str, Value] = {"x1": x, "x2": x, "y1": frame.top, "y2": frame.top + frame.height, "class": kind}
+    return [element("line", place, element("title", None, name))]

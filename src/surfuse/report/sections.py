@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 from surfuse.records import Gap, Gate
-from surfuse.report.blocks import section
-from surfuse.report.content import FoundPart, PlanView, ReportContent
+from surfuse.report.blocks import key, section
+from surfuse.report.content import PlanView, ReportContent
 from surfuse.report.map_data import GAP_LABELS, GATE_LABELS
 from surfuse.report.markup import Attributes, Child, Markup, Value, element
 from surfuse.report.plan_drawing import plan_chart, skipped_reasons
 from surfuse.report.scan_counts import count_scan
-from surfuse.report.search_drawing import histogram_chart, search_image
 
 MM = 1000.0
 
@@ -23,10 +22,6 @@ def _select(role: str, text: str) -> Markup:
 def _slider(role: str, text: str, output: str, limits: Attributes | None = None) -> Markup:
     shown = element("span", None, text, " ", element("output", {"data-role": output}))
     return element("label", None, shown, element("input", {"type": "range", "data-role": role, **(limits or {})}))
-
-
-def _key(colour: str, text: str, kind: str = "") -> Markup:
-    return element("span", {"class": f"swatch {kind}".strip(), "style": f"--key:{colour}"}, text)
 
 
 def _relief_view(title: str) -> Markup:
@@ -121,9 +116,9 @@ def replay_section() -> Markup:
     legend = element(
         "div",
         {"class": "legend"},
-        _key("#009e73", "beam that took part"),
-        _key("#d55e00", "kept out, or no echo"),
-        _key("#e69f00", "fused point", "round"),
+        key("#009e73", "beam that took part"),
+        key("#d55e00", "kept out, or no echo"),
+        key("#e69f00", "fused point", "round"),
     )
     button = element("button", {"type": "button", "data-role": "play"}, "▶ Start the 3-D replay")
     poster = element("canvas", {"data-role": "poster", "aria-hidden": "true"})
@@ -132,44 +127,21 @@ def replay_section() -> Markup:
     return section("replay", "Replay of the scan", element("p", None, text), body)
 
 
-def _part_figures(part: FoundPart, longest_px: int) -> Markup:
-    facts = [f"{part.image.shape[1]} × {part.image.shape[0]} pixels", f"{len(part.dominant_px)} dominant points"]
-    caption = element("figcaption", None, f"{part.label}: {', '.join(facts)}")
-    figures: list[Child] = [element("figure", None, search_image(part, longest_px), caption)]
-    chart = histogram_chart(part)
-    if chart is not None:
-        figures.append(element("figure", None, chart))
-    return element("div", {"class": "parts"}, *figures)
-
-
-def search_section(parts: tuple[FoundPart, ...], longest_px: int) -> Markup:
-    """What the camera saw and what was made of it."""
-    legend = element(
-        "div",
-        {"class": "legend"},
-        _key("#56b4e9", "contour"),
-        _key("#e69f00", "dominant points", "round"),
-        _key("#d55e00", "threshold"),
-    )
-    noun = "The part" if len(parts) == 1 else f"The {len(parts)} parts"
-    text = f"{noun} in the image of the shoulder camera: threshold, contour, and the dominant points of the contour."
-    return section("search", "Search", element("p", None, text), legend, *(_part_figures(p, longest_px) for p in parts))
-
-
 def plan_section(plan: PlanView) -> Markup:
     """The stops over the outline, and what was left out."""
     facts = [f"{len(plan.stops_m)} stops"]
     if math.isfinite(plan.step_m):
         facts.append(f"step {MM * plan.step_m:g} mm")
-    if math.isfinite(plan.margin_m):
+    if math.isfinite(plan.margin_m) and not plan.margin_text:
         facts.append(f"margin {MM * plan.margin_m:g} mm")
     facts.append(f"{len(plan.skipped)} left out" if plan.skipped else "none left out")
-    keys: list[Child] = [_key("var(--accent)", "outline")]
+    margin = f" Margin: {plan.margin_text}." if plan.margin_text else ""
+    keys: list[Child] = [key("var(--accent)", "outline")]
     if len(plan.enlarged_m):
-        keys.append(_key("var(--ink-soft)", "outline with margin", "dashed"))
-    keys += [_key("#0072b2", "stops", "round"), _key("#e69f00", "first stop", "round")]
+        keys.append(key("var(--ink-soft)", "outline with margin", "dashed"))
+    keys += [key("#0072b2", "stops", "round"), key("#e69f00", "first stop", "round")]
     if plan.skipped:
-        keys.append(_key("#d55e00", "left out"))
+        keys.append(key("#d55e00", "left out"))
     columns: list[Child] = [element("figure", None, plan_chart(plan))]
     if plan.skipped:
         rows: list[Child] = [
@@ -178,7 +150,7 @@ def plan_section(plan: PlanView) -> Markup:
         ]
         head = element("tr", None, *(element("th", {"scope": "col"}, text) for text in ("why left out", "stops")))
         columns.append(element("table", None, element("thead", None, head), element("tbody", None, *rows)))
-    text, legend = element("p", None, ", ".join(facts) + "."), element("div", {"class": "legend"}, *keys)
+    text, legend = element("p", None, ", ".join(facts) + "." + margin), element("div", {"class": "legend"}, *keys)
     return section("plan", "Plan", text, legend, element("div", {"class": "parts plan"}, *columns))
 
 
