@@ -21,7 +21,7 @@ from surfuse.errors import SurfuseError
 from surfuse.geometry.mesh_files import TriangleSoup
 from surfuse.geometry.polygons import signed_distance
 from surfuse.geometry.poses import inverse, transform_points
-from surfuse.pipeline.steps import finder
+from surfuse.pipeline.locating import finder
 from surfuse.plan.front_view import front_view
 from surfuse.plan.margin import margin_for
 from surfuse.records import CameraFrame, FloatArray, Outline

@@ -17,7 +17,7 @@ import numpy as np
 from surfuse.acquire.search import SearchParameters, SearchResult, search
 from surfuse.arms.puma560 import LIMITS
 from surfuse.cell import world_from_shoulder
-from surfuse.pipeline.steps import finder
+from surfuse.pipeline.locating import finder
 from surfuse.records import CameraFrame
 from surfuse.settings import from_tree
 from surfuse.twin import camera_model, camera_mount

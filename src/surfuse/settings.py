@@ -127,6 +127,8 @@ class SearchSettings(Section):
     threshold: str = Field("otsu", description="otsu, maximum_entropy, uniform_error or minimum_error")
     smallest_part_m: float = Field(0.03, gt=0.0, le=1.0)
     tolerance_px: float = Field(1.5, gt=0.0, le=50.0, description="how far the outline may cut a corner")
+    all_parts: bool = Field(False, description="go on to the end of the turn and show every part")
+    part: int = Field(1, ge=1, le=1000, description="which part is scanned, in order of angle; above 1 all are sought")
 
 
 class ArraySettings(Section):

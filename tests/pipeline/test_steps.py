@@ -10,8 +10,9 @@ import pytest
 
 from surfuse.errors import DataError
 from surfuse.fusion import weighted_average
+from surfuse.pipeline.locating import finder, locate
 from surfuse.pipeline.outcome import SilentWatcher
-from surfuse.pipeline.steps import _to_outer_edge, finder, go_to_start, locate, plan_for, replace_stops, scene_of, walk
+from surfuse.pipeline.steps import _to_outer_edge, go_to_start, plan_for, replace_stops, scene_of, walk
 from surfuse.runs.log_reader import read_log
 from surfuse.runs.log_writer import LogWriter
 from surfuse.settings import load

@@ -14,9 +14,10 @@ from surfuse.cell import Cell
 from surfuse.errors import DataError, DeviceError, InterruptError, SafetyStopError, StorageError
 from surfuse.interfaces import FusionMethod
 from surfuse.pipeline.finishing import Finished, bus_event, finish, outcome_of
+from surfuse.pipeline.locating import finder, locate
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, Watcher
-from surfuse.pipeline.steps import finder, go_to_start, locate, plan_for, scene_of, smooth_walk, walk
+from surfuse.pipeline.steps import go_to_start, plan_for, scene_of, smooth_walk, walk
 from surfuse.pipeline.warm_up import warm_up_beside
 from surfuse.records import FusionScene, ScanPlan, Sweep
 from surfuse.runs.configuration import read_configuration, write_configuration
@@ -152,7 +153,8 @@ def _begin(
     plan = plan_for(cell, settings, part.outline, watcher)
     scene = scene_of(cell, settings, part.outline, plan)
     log.append_scene(scene)
-    log.append_frame(part.frame)
+    for found in part.parts:
+        log.append_frame(found.frame)
     log.append_event(LogEvent(cell.clock.now_s(), Level.INFO, "search", f"part found after {part.pictures} pictures"))
     log.append_plan(plan)
     return scene, plan, ()

@@ -13,9 +13,10 @@ from surfuse import __version__, registry, settings
 from surfuse.acquire.station import take_sweep
 from surfuse.cell import Cell
 from surfuse.errors import SurfuseError
+from surfuse.pipeline.locating import locate
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, SilentWatcher
-from surfuse.pipeline.steps import locate, plan_for, scene_of
+from surfuse.pipeline.steps import plan_for, scene_of
 from surfuse.records import Outline, ScanPlan, Status
 from surfuse.surface.gridding import lattice
 from surfuse.twin import build_cell

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from surfuse.errors import DataError
-from surfuse.pipeline.steps import finder
+from surfuse.pipeline.locating import finder
 from surfuse.records import CameraFrame, Detection, Outline
 from surfuse.report.content import FoundPart, MarkedLevel
 from surfuse.runs.log_records import RunLog

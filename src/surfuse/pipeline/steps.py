@@ -1,17 +1,16 @@
-"""The steps of an acquisition, from the search to the walk through the plan, each one call."""
+"""The steps of an acquisition after the search, from the plan to the walk through it, each one call."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from surfuse.acquire.scan import scan
-from surfuse.acquire.search import FoundPart, SearchParameters, search
 from surfuse.acquire.smooth import SmoothParameters, smooth_scan
-from surfuse.cell import Cell, world_from_shoulder
+from surfuse.cell import Cell
 from surfuse.errors import ConfigError, DataError
 from surfuse.interfaces import FusionMethod
 from surfuse.motion.moving_arm import MovingArm
@@ -22,90 +21,12 @@ from surfuse.plan.advice import BELOW, way_to_move, where_and_why
 from surfuse.plan.approach import approach
 from surfuse.plan.reach import ReachParameters
 from surfuse.plan.scan_plan import PlanParameters, scan_plan, skipped_by_kind
-from surfuse.records import CameraFrame, Detection, FusionScene, JointSamples, Outline, ScanPlan, Status, Sweep
+from surfuse.records import FusionScene, JointSamples, Outline, ScanPlan, Sweep
 from surfuse.runs.log_writer import LogWriter
 from surfuse.settings import Settings
-from surfuse.vision.distance import ShoulderRange
-from surfuse.vision.dominant_points import DominantPointParameters
-from surfuse.vision.find import FindParameters, find_parts
-from surfuse.vision.outline import PartOutline, outline_part
-from surfuse.vision.table import TableRing
 
-SEARCH, RANGE, STOP = "search", "range", "stop"
+STOP = "stop"
 _SWEEP_SHARE = 0.95  # of the time between two stops that a sweep may take: triggers are never quite on time
-
-
-@dataclass(frozen=True)
-class LocatedPart:
-    """The part that will be scanned: the picture in which it is centred, what was seen, its outline in metres."""
-
-    frame: CameraFrame
-    detection: Detection
-    outlined: PartOutline
-    pictures: int
-
-    @property
-    def outline(self) -> Outline:
-        """The outline in the part frame, as seen."""
-        return self.outlined.outline
-
-
-def finder(settings: Settings) -> Callable[[CameraFrame], tuple[Detection, ...]]:
-    """The function that finds parts standing on the table in a picture."""
-    ring = TableRing(
-        settings.cell.table_height_m, settings.cell.table_inner_radius_m, settings.cell.table_outer_radius_m
-    )
-    smallest_px = settings.search.smallest_part_m / settings.cell.table_outer_radius_m
-    area_px = 0.25 * smallest_px**2 * settings.camera.fx_px * settings.camera.fy_px
-    parameters = FindParameters(method=settings.search.threshold, area_min_px=max(area_px, 16.0))
-    return lambda frame: find_parts(frame, parameters, ring)
-
-
-def locate(cell: Cell, settings: Settings, watcher: Watcher) -> LocatedPart:
-    """Search, centre, threshold, dominant points, scale (paper, section 3.1).
-
-    Raises
-    ------
-    DataError : no part was seen in a whole turn.
-    """
-    # Beyond half a turn each way the camera would see the same again.
-    lower = max(float(cell.arm.kinematics.lower_rad[0]), -np.pi)
-    upper = min(float(cell.arm.kinematics.upper_rad[0]), np.pi)
-    increment = np.radians(settings.search.increment_deg)
-    watcher.stage("search", int((upper - lower) / increment) + 1)
-    pictures = 0
-
-    def capture(joint1_rad: float) -> CameraFrame:
-        nonlocal pictures
-        cell.begin(SEARCH, pictures)
-        pictures += 1
-        watcher.advance()
-        return cell.look(joint1_rad)
-
-    found = search(capture, finder(settings), lower, upper, SearchParameters(increment_rad=increment))
-    if not found.parts:
-        raise DataError(
-            f"no part seen in {len(found.visited_rad)} pictures from {np.degrees(lower):.0f} to "
-            f"{np.degrees(upper):.0f} degrees",
-            cure="put a part on the table where the camera can see it, or change search.threshold",
-        )
-    return _outlined(cell, settings, found.parts[0], pictures)
-
-
-def _outlined(cell: Cell, settings: Settings, part: FoundPart, pictures: int) -> LocatedPart:
-    """Range of the centred part, dominant points, pixels to metres."""
-    cell.begin(RANGE, 0)
-    echo = cell.ranger.fire()
-    place = world_from_shoulder(part.angle_rad) @ cell.shoulder_from_ranger
-    ranged = ShoulderRange(place[:3, 3], place[:3, 2], echo.range_m, cell.ranger.spec.sigma_m)
-    outlined = outline_part(
-        part.frame,
-        part.detection,
-        settings.cell.table_height_m,
-        ranged if echo.status == Status.OK else None,
-        DominantPointParameters(tolerance_px=settings.search.tolerance_px),
-    )
-    return LocatedPart(part.frame, part.detection, outlined, pictures)
 
 
 def plan_for(cell: Cell, settings: Settings, outline: Outline, watcher: Watcher) -> ScanPlan:
