@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +19,7 @@ from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_reader import read_log
 
 QUICK = ("--method", "weighted_average", "--set", "scan.step_m=0.08", "--set", "array.pings=2", "--json")
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "own_arm.md"
 HEIGHT = {"six": ("--set", "arm.base_height_m=1.0"), "seven": ("--set", "arm.base_height_m=0.8")}
 
 
@@ -25,7 +27,9 @@ HEIGHT = {"six": ("--set", "arm.base_height_m=1.0"), "seven": ("--set", "arm.bas
 def arms(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[object, ...]]:
     """The options that choose each arm."""
     folder = tmp_path_factory.mktemp("arms")
-    (folder / "six.xml").write_text(SIX)
+    example = re.search(r"```xml\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    assert example is not None
+    (folder / "six.xml").write_text(example.group(1))
     (folder / "seven.urdf").write_text(seven())
     return {
         "six": ("--arm", folder / "six.xml", "--tool", "flange", *HEIGHT["six"]),
@@ -35,6 +39,7 @@ def arms(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[object, ..
 
 @pytest.mark.parametrize(("name", "joints"), [("six", 6), ("seven", 7)])
 def test_an_arm_from_a_file_scans_a_part(command, arms, tmp_path, name: str, joints: int) -> None:
+    """The six-axis arm is the example of the how-to page."""
     run = tmp_path / "run"
     answer = command("acquire", "flat", *arms[name], *QUICK, "--out", run)
     assert answer.status == 0, answer.err
