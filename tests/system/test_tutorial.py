@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 
 from surfuse.cli import main
-from surfuse.pipeline.replay import _compared, grid_of
-from surfuse.pipeline.scoring import read_truth
+from surfuse.pipeline.method_comparison import Against, line_of, result_of
+from surfuse.pipeline.replay import grid_of
+from surfuse.pipeline.scoring import edge_truth, read_truth
 from surfuse.runs.scan_source import load_scan
 from surfuse.settings import FusionSettings
 
@@ -92,10 +93,10 @@ def check_compare(command: str, wanted: list[str]) -> None:
     _, log, _, truth = command.split()
     scan = load_scan(Path(log))
     grid = grid_of(scan)
-    true_map = read_truth(Path(truth), grid)
+    against = Against(read_truth(Path(truth), grid), edge_truth(Path(truth), grid))
     for line in wanted[1:]:
         name, *cells = line.split()
-        text = _compared(scan, FusionSettings(), name, grid, true_map)[1]
+        text = line_of(result_of(scan, FusionSettings(), name, grid, against))
         # The last column is the time.
         assert_alike([" ".join(text.split()[:-1])], [" ".join(cells[:-1])])
 

@@ -9,7 +9,7 @@ import typer
 
 from surfuse.cli import _options as options
 
-HELP = """Run every fusion method on the same readings; with --truth, print the errors of each.
+HELP = """Run every fusion method on the same readings; with --truth, print the errors of each; with --out, draw them.
 
 \b
 Example:
@@ -32,8 +32,8 @@ def compare(
 ) -> int:
     """Compare."""
     from surfuse.cli._progress import TerminalWatcher
-    from surfuse.pipeline import replay
+    from surfuse.pipeline import method_comparison
 
     with TerminalWatcher(quiet or as_json, checkpoints=False) as watcher:
-        outcome = replay.compare(log, truth, out, options.overrides(assignments, None, None), watcher)
+        outcome = method_comparison.compare(log, truth, out, options.overrides(assignments, None, None), watcher)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from surfuse.confidence.columns import ScanColumns
+from surfuse.confidence.outline_view import eye_of, seen_at
 from surfuse.confidence.parameters import check_within
 from surfuse.geometry.compiled import compiled
 from surfuse.geometry.polygons import signed_distance_at, signed_distances_into
@@ -112,13 +113,6 @@ def _rings(outline: Outline | None) -> tuple[FloatArray, IntArray]:
     return np.ascontiguousarray(np.concatenate(rings)), np.concatenate([np.zeros(1, dtype=np.int64), ends])
 
 
-def _eye(outline: Outline | None) -> FloatArray:
-    """Where the outline was seen from, in its frame, and its lowest v (4,); w = 0 when the viewpoint is unknown."""
-    if outline is None or outline.viewpoint_m is None or not outline.viewpoint_m[2] > 0.0:
-        return np.zeros(4)
-    return np.array([*outline.viewpoint_m, outline.vertices_m[:, 1].min() + outline.margin_m], dtype=np.float64)
-
-
 def limits_of(scene: FusionScene, parameters: GateParameters) -> Limits:
     """The scene and the parameters of validation as the kernels take them."""
     specs = scene.specs
@@ -136,7 +130,7 @@ def limits_of(scene: FusionScene, parameters: GateParameters) -> Limits:
         ring=ring,
         margin_m=0.0 if scene.outline is None else float(scene.outline.margin_m),
         outline_from_world=inverse(outline_frame),
-        eye_m=_eye(scene.outline),
+        eye_m=eye_of(scene.outline),
         part_from_world=inverse(scene.world_from_part),
         footprints=float(parameters.gate_footprints),
         allowance_m=float(parameters.gate_allowance_m),
@@ -231,13 +225,8 @@ def validate(
             if not range_min[sensor] <= r <= range_max[sensor]:
                 gate[i] = GATE_RANGE
                 continue
-            if eye[2] > 0.0:
-                w = outline[2, 0] * x + outline[2, 1] * y + outline[2, 2] * z + outline[2, 3]
-                # At or behind the camera nothing is seen: the share of the way to the plane w = 0 is without bound.
-                share = eye[2] / max(eye[2] - w, 1e-9)
-                u, seen = eye[0] + share * (u - eye[0]), eye[1] + share * (v - eye[1])
-                # The part stands on the table: above its foot nothing can be seen below it.
-                v = max(seen, eye[3]) if v >= 0.0 else seen
+            w = outline[2, 0] * x + outline[2, 1] * y + outline[2, 2] * z + outline[2, 3]
+            u, v = seen_at(u, v, w, eye)
             own = own_sigma[i]
             value_m[i - base], foot_u[i - base], foot_v[i - base] = value, u, v
             sigma_m[i - base] = (own if 0.0 < own < np.inf else spec_sigma[sensor]) * abs(along)

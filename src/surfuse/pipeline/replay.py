@@ -1,17 +1,16 @@
-"""Fusing recorded readings again, with one method or with all of them."""
+"""Fusing recorded readings again."""
 
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from surfuse import __version__, registry
-from surfuse.errors import DataError, SurfuseError
+from surfuse import __version__
+from surfuse.errors import DataError
 from surfuse.exporters import nc
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.interfaces import FusionMethod
@@ -20,14 +19,12 @@ from surfuse.pipeline.map_of_result import surface_of
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, Watcher
 from surfuse.pipeline.reporting import write_report
-from surfuse.pipeline.scoring import edge_of, read_truth, score_data
 from surfuse.records import FusionResult, Gap, MapGrid, SurfaceMap, in_words
 from surfuse.runs.configuration import write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import ScanLog, require_echoes
 from surfuse.runs.scan_source import load_scan
-from surfuse.settings import FusionSettings, load
-from surfuse.surface.compare import score
+from surfuse.settings import load
 from surfuse.surface.gridding import lattice
 
 
@@ -51,7 +48,7 @@ def fuse(
     settings = load(None, overrides)
     method = create_method(settings.fusion)
     watcher.stage("read")
-    scan = _opened(log, watcher, sensors, frame, outline)
+    scan = opened(log, watcher, sensors, frame, outline)
     watcher.stage("fuse")
     grid = grid_of(scan)
     result, surface = fused(scan, method, grid)
@@ -86,30 +83,6 @@ def fuse(
     return Outcome({**files, **summary, "wall_time_s": wall_s}, rows)
 
 
-def compare(log: Path, truth: Path | None, out: Path | None, overrides: Sequence[str], watcher: Watcher) -> Outcome:
-    """Every fusion method on the same readings; against truth when there is one.
-
-    With `out`, the map of each method is written there as METHOD.nc.
-    """
-    settings = load(None, overrides)
-    scan = _opened(log, watcher)
-    grid = grid_of(scan)
-    true_map = read_truth(truth, grid) if truth is not None else None
-    folder = _empty_folder(out) if out is not None else None
-    names = registry.names("fusion")
-    watcher.stage("compare", len(names))
-    entries: dict[str, object] = {}
-    rows = [("method", _columns(true_map is not None))]
-    for name in names:
-        entry, text, surface = _compared(scan, settings.fusion, name, grid, true_map)
-        entries[name] = entry
-        rows.append((name, text))
-        if folder is not None and surface is not None:
-            nc.write(folder / f"{name}.nc", surface)
-        watcher.advance()
-    return Outcome({"log": str(log), "methods": entries}, rows)
-
-
 def fused(scan: ScanLog, method: FusionMethod, grid: MapGrid) -> tuple[FusionResult, SurfaceMap]:
     """Points and map of a scan by a method, on a grid."""
     result = method.replay(scan.scene(), scan.readings, grid)
@@ -124,20 +97,15 @@ def grid_of(scan: ScanLog) -> MapGrid:
     return lattice(stops[:, :2], scan.world_from_part)
 
 
-def _opened(
+def opened(
     log: Path, watcher: Watcher, sensors: Path | None = None, frame: Path | None = None, outline: Path | None = None
 ) -> ScanLog:
+    """A log that can be fused; what was odd about it is told."""
     scan = load_scan(log, sensors, frame, outline)
     for warning in scan.warnings:
         watcher.warn(warning)
     require_echoes(scan.readings, str(log))
     return scan
-
-
-def _empty_folder(path: Path) -> Path:
-    run = RunFolder.create(path)
-    run.log.rmdir()
-    return path
 
 
 def _summary(
@@ -156,32 +124,3 @@ def _summary(
         "frame_estimated": scan.frame_estimated,
         "warnings": list(scan.warnings),
     }
-
-
-def _columns(with_truth: bool) -> str:
-    return "RMSE mm  p95 mm  bias mm  coverage  edge mm  seconds" if with_truth else "cells  median sigma mm  seconds"
-
-
-def _compared(
-    scan: ScanLog, settings: FusionSettings, name: str, grid: MapGrid, truth: SurfaceMap | None
-) -> tuple[dict[str, object], str, SurfaceMap | None]:
-    """One method: plain data, a table line, its map. A method that cannot fuse these readings says why."""
-    began = time.perf_counter()
-    try:
-        _, surface = fused(scan, create_method(settings, name), grid)
-    except SurfuseError as error:
-        return {"error": str(error)}, str(error), None
-    seconds = time.perf_counter() - began
-    sigma = surface.sigma_m[surface.mask]
-    median = 1e3 * float(np.median(sigma)) if len(sigma) else math.nan
-    entry: dict[str, object] = {"cells": int(surface.mask.sum()), "median_sigma_mm": median, "seconds": seconds}
-    if truth is None:
-        return entry, f"{entry['cells']:>5}  {median:>15.2f}  {seconds:>7.2f}", surface
-    found, edge = score(surface, truth), 1e3 * edge_of(surface, truth)
-    entry.update(score_data(found))
-    entry["edge_mm"] = edge
-    text = (
-        f"{1e3 * found.rmse_m:>7.2f} {1e3 * found.p95_m:>7.2f} {1e3 * found.bias_m:>8.2f} "
-        f"{100 * found.coverage:>8.1f}% {edge:>8.1f} {seconds:>8.2f}"
-    )
-    return entry, text, surface

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,14 @@ from surfuse.errors import DataError
 from surfuse.pipeline.map_files import map_path, read_map
 from surfuse.pipeline.outcome import Outcome
 from surfuse.records import FloatArray, IntArray, MapGrid, Score, SurfaceMap
-from surfuse.surface.compare import edge_error, score
+from surfuse.surface.compare import edge_error, score, share_within
 from surfuse.surface.grids import refined
 from surfuse.surface.truth import read_mesh, truth_around
 
 MESH_SUFFIXES = (".ply", ".stl", ".obj", ".glb", ".off")
 STEP_LEAST_M = 0.02
 _EDGE_REFINEMENT = 10
+NEAR_M = 0.003
 
 
 def evaluate(surface_path: Path, truth_path: Path, scale: float) -> Outcome:
@@ -30,8 +32,15 @@ def evaluate(surface_path: Path, truth_path: Path, scale: float) -> Outcome:
             where=str(truth_path),
             cure="give truth in the frame of the readings and in metres (see --scale)",
         )
+    near = share_within(surface, truth, NEAR_M)
     summary: dict[str, object] = {"map": str(map_path(surface_path)), "truth": str(truth_path), **score_data(found)}
-    return Outcome({**summary, "method": surface.method}, score_rows(found))
+    summary |= {"method": surface.method, "within_3mm": near}
+    rows = [*score_rows(found), ("within 3 mm", f"{100.0 * near:.1f} % of the true part")]
+    edge = edge_of(surface, edge_truth(truth_path, surface.grid, scale))
+    if not math.isnan(edge):
+        summary["edge_mm"] = 1e3 * edge
+        rows.append(("edge of the step", f"{1e3 * edge:+.1f} mm"))
+    return Outcome(summary, rows)
 
 
 def read_truth(path: Path, grid: MapGrid, scale: float = 1.0) -> SurfaceMap:
@@ -39,6 +48,14 @@ def read_truth(path: Path, grid: MapGrid, scale: float = 1.0) -> SurfaceMap:
     if path.is_file() and path.suffix.lower() in MESH_SUFFIXES:
         vertices, triangles = read_mesh(path)
         return truth_around(scale * vertices, triangles, grid)
+    return read_map(path)
+
+
+def edge_truth(path: Path, grid: MapGrid, scale: float = 1.0) -> SurfaceMap:
+    """Truth for the position of an edge: a mesh on a grid so much finer that its own steps do not count."""
+    if path.is_file() and path.suffix.lower() in MESH_SUFFIXES:
+        vertices, triangles = read_mesh(path)
+        return truth_around(scale * vertices, triangles, refined(grid, _EDGE_REFINEMENT))
     return read_map(path)
 
 

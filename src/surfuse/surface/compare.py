@@ -40,6 +40,16 @@ def score(surface: SurfaceMap, truth: SurfaceMap) -> Score:
     )
 
 
+def share_within(surface: SurfaceMap, truth: SurfaceMap, limit_m: float) -> float:
+    """Share of the true part's nodes whose height the map has right to `limit_m`; nodes without a value are wrong."""
+    on_grid = aligned(truth, surface.grid)
+    measured, height = spread_over(surface, on_grid.grid)
+    both = measured & on_grid.mask
+    near = np.abs(height[both] - on_grid.height_m[both]) <= limit_m
+    part = int(np.count_nonzero(on_grid.mask))
+    return float(np.count_nonzero(near)) / part if part else float("nan")
+
+
 def error_map(surface: SurfaceMap, truth: SurfaceMap) -> FloatArray:
     """Map minus truth at each node of the map (R, C), nan where either has no value."""
     at_nodes = resampled(truth, surface.grid) if not same_nodes(truth.grid, surface.grid) else truth

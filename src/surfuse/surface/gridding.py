@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from surfuse.confidence.outline_view import on_part
 from surfuse.errors import DataError
-from surfuse.geometry.polygons import signed_distance
-from surfuse.geometry.poses import inverse, transform_points
 from surfuse.records import (
     BoolArray,
     FloatArray,
@@ -109,35 +108,12 @@ def _refuse_huge(intervals: float) -> None:
 def cells_inside(grid: MapGrid, outline: Outline, height_m: FloatArray | None = None) -> BoolArray:
     """Nodes (R, C) on the part: inside the outline (before its margin) and outside of its holes.
 
-    The node at height w (0 where unknown) is seen from the outline's viewpoint, or along the w axis of its frame when
-    that is unknown. A node belongs to the part up to one standard deviation (the median one) outside.
+    The node stands at height w, 0 where that is unknown; see `on_part`.
     """
     u, v = np.meshgrid(grid.u_m, grid.v_m)
     w = np.zeros(grid.shape) if height_m is None else np.nan_to_num(height_m)
-    outline_from_grid = inverse(outline.world_from_part) @ grid.world_from_part
-    nodes = transform_points(outline_from_grid, np.stack([u, v, w], axis=-1).reshape(-1, 3))
-    seen = nodes[:, :2] if outline.viewpoint_m is None else _seen_from(outline.viewpoint_m, nodes)
-    if outline.viewpoint_m is not None:
-        # The part stands on the table (v = 0): above its foot nothing can be seen below it.
-        foot = float(outline.vertices_m[:, 1].min()) + outline.margin_m
-        seen[:, 1] = np.where(nodes[:, 1] >= -1e-9, np.maximum(seen[:, 1], foot), seen[:, 1])
-    # The rim belongs to the part, and a node on it must not fall off by rounding.
-    slack = float(np.median(outline.sigma_m)) + 1e-9
-    inside = signed_distance(seen, outline.vertices_m) >= outline.margin_m - slack
-    for hole in outline.holes_m:
-        inside &= signed_distance(seen, hole) <= slack
-    return np.asarray(inside.reshape(grid.shape), dtype=np.bool_)
-
-
-def _seen_from(viewpoint_m: FloatArray, points_m: FloatArray) -> FloatArray:
-    """Where the rays from a viewpoint (3,) to points (N, 3) meet the plane w = 0, as (N, 2) u, v.
-
-    A point at or behind the viewpoint is not seen; it is placed at infinity.
-    """
-    eye = viewpoint_m[2]
-    gap = eye - points_m[:, 2]
-    share = np.where(gap > 0.0, eye / np.where(gap > 0.0, gap, 1.0), np.inf)
-    return np.asarray(viewpoint_m[:2] + share[:, None] * (points_m[:, :2] - viewpoint_m[:2]), dtype=np.float64)
+    nodes = np.stack([u, v, w], axis=-1).reshape(-1, 3)
+    return on_part(nodes, grid.world_from_part, outline).reshape(grid.shape)
 
 
 def _nearest(values: FloatArray, nodes: FloatArray, lone_reach: float) -> tuple[IntArray, BoolArray]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import binary_closing, binary_fill_holes
 
+from surfuse.confidence.outline_view import on_part
 from surfuse.fusion.beam_model.raster import Raster
-from surfuse.geometry.polygons import signed_distance
-from surfuse.geometry.poses import inverse, transform_points
 from surfuse.records import BoolArray, FloatArray, MapGrid, Outline
 
 LARGEST_SIDE = 4000
@@ -35,27 +34,11 @@ def inside_outline(raster: Raster, grid: MapGrid, outline: Outline, heights_m: F
 
 
 def inside_at(raster: Raster, grid: MapGrid, outline: Outline, height: float) -> BoolArray:
-    """Cells (R, C) on the part: inside the outline before its margin, outside of its holes, seen at one height.
-
-    The camera saw the outline from its viewpoint; a cell counts up to one standard deviation (the median one) outside.
-    """
+    """Cells (R, C) on the part when the surface is at one height; see `on_part`."""
     u, v = raster.nodes()
     uu, vv = np.meshgrid(u, v)
     points = np.column_stack([uu.ravel(), vv.ravel(), np.full(uu.size, height)])
-    placed = transform_points(inverse(outline.world_from_part) @ grid.world_from_part, points)
-    seen = placed[:, :2]
-    if outline.viewpoint_m is not None and outline.viewpoint_m[2] > 0.0:
-        eye = outline.viewpoint_m
-        share = eye[2] / np.maximum(eye[2] - placed[:, 2], 1e-9)
-        seen = eye[:2] + share[:, None] * (seen - eye[:2])
-        # The part stands on the table (v = 0): above its foot nothing can be seen below it.
-        foot = float(outline.vertices_m[:, 1].min()) + outline.margin_m
-        seen[:, 1] = np.where(placed[:, 1] >= -1e-9, np.maximum(seen[:, 1], foot), seen[:, 1])
-    slack = float(np.median(outline.sigma_m)) + 1e-9
-    inside = signed_distance(seen, outline.vertices_m) >= outline.margin_m - slack
-    for hole in outline.holes_m:
-        inside &= signed_distance(seen, hole) <= slack
-    return np.asarray(inside.reshape(raster.shape), dtype=bool)
+    return on_part(points, grid.world_from_part, outline).reshape(raster.shape)
 
 
 def heard_extent(raster: Raster, points_m: FloatArray, gap_m: float) -> BoolArray:

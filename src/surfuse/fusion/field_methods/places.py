@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from surfuse.confidence import outline_view
 from surfuse.fusion.field_methods.survey import Survey
-from surfuse.geometry.polygons import signed_distance
-from surfuse.geometry.poses import inverse, transform_points
 from surfuse.records import BoolArray, FloatArray, IntArray, MapGrid, Outline
 
 REACH = 0.75
@@ -57,32 +56,13 @@ def counted(points_m: FloatArray, grid: MapGrid, reach_m: float) -> IntArray:
 def on_part(grid: MapGrid, outline: Outline | None, height_m: FloatArray) -> BoolArray:
     """Nodes (R, C) on the part at their height; all of them without an outline."""
     points = np.column_stack([nodes_of(grid), np.nan_to_num(height_m).ravel()])
-    return inside(points, grid, outline).reshape(grid.shape)
+    if outline is None:
+        return np.ones(grid.shape, dtype=np.bool_)
+    return outline_view.on_part(points, grid.world_from_part, outline).reshape(grid.shape)
 
 
 def feet_on_part(survey: Survey, grid: MapGrid) -> BoolArray:
     """Readings (N,) whose axis meets the part; all of them without an outline."""
-    return inside(survey.foot_m, grid, survey.outline)
-
-
-def inside(points_m: FloatArray, grid: MapGrid, outline: Outline | None) -> BoolArray:
-    """Points (N, 3) in the frame of the grid that lie inside the outline before its margin, and outside of its holes.
-
-    A point is seen from the outline's viewpoint, or along w where that is unknown; it belongs to the part up to the
-    median standard deviation of the outline outside of it.
-    """
-    if outline is None:
-        return np.ones(len(points_m), dtype=np.bool_)
-    points = transform_points(inverse(outline.world_from_part) @ grid.world_from_part, points_m)
-    seen = points[:, :2]
-    if outline.viewpoint_m is not None:
-        eye = outline.viewpoint_m[2]
-        ahead = eye - points[:, 2]
-        # A point at or behind the camera is placed far outside.
-        share = np.where(ahead > 0.0, eye / np.where(ahead > 0.0, ahead, 1.0), 1e6)
-        seen = outline.viewpoint_m[:2] + share[:, None] * (seen - outline.viewpoint_m[:2])
-    slack = float(np.median(outline.sigma_m)) + 1e-9
-    result = signed_distance(seen, outline.vertices_m) >= outline.margin_m - slack
-    for hole in outline.holes_m:
-        result &= signed_distance(seen, hole) <= slack
-    return np.asarray(result, dtype=np.bool_)
+    if survey.outline is None:
+        return np.ones(len(survey), dtype=np.bool_)
+    return outline_view.on_part(survey.foot_m, grid.world_from_part, survey.outline)
