@@ -85,6 +85,20 @@ def test_the_loss_with_tilt_is_the_directivity_at_the_mirror_point(tilt: float) 
 
 
 @pytest.mark.parametrize("transducer", [TUBE, BARE])
+def test_a_mirror_is_silent_at_the_null_of_the_beam_and_heard_again_in_the_side_lobe(transducer) -> None:
+    def share(sine: float) -> float:
+        tilt = float(np.degrees(np.arcsin(sine)))
+        return mirror_energy(Sounder(plane(tilt, SMOOTH, half=2.0), transducer), at(0.43)) / facing
+
+    facing = mirror_energy(Sounder(plane(0.0, SMOOTH, half=2.0), transducer), at(0.43))
+    ka = 0.5 * transducer.aperture_m * Sounder(plane(), transducer).wave_number
+    null, lobe = 3.8317 / ka, 5.1356 / ka
+    assert share(null) < 1e-8
+    # -17.57 dB one way; the perpendicular of a tilted plate is shorter, and its echo stronger, by the cosine.
+    assert 10.0 * np.log10(share(lobe) * (1.0 - lobe**2)) == pytest.approx(-2 * 17.57, abs=0.8)
+
+
+@pytest.mark.parametrize("transducer", [TUBE, BARE])
 def test_a_facing_plate_is_read_to_half_a_millimetre(transducer: TransducerParameters) -> None:
     sounder = Sounder(plane(), transducer)
     generator = np.random.default_rng(5)
@@ -148,6 +162,26 @@ def test_speckle_is_correlated_over_millimetres_and_forgotten_over_centimetres(s
     assert abs(correlation(20)) < 0.4
 
 
+def test_the_speckle_of_a_matte_plate_is_correlated_over_one_to_two_centimetres() -> None:
+    slope, step_m = np.tan(np.radians(20.0)), 0.002
+    places = np.arange(-0.08, 0.08, step_m)
+    rows = []
+    for seed in range(6):
+        sounder = Sounder(plane(20.0), TUBE, FINE, seed=seed)
+        heard = []
+        for y in places:
+            found = sounder.arrivals(at(0.43 + y * slope, y, 0.02))
+            heard.append(complex(found.real.sum(), found.imag.sum()))
+        rows.append(heard)
+    field = np.array(rows)
+
+    def correlation(lag: int) -> float:
+        return float(np.abs(np.mean(field[:, lag:] * np.conj(field[:, :-lag]))) / np.mean(np.abs(field) ** 2))
+
+    fallen = next(lag for lag in range(1, 40) if correlation(lag) < 1.0 / np.e)
+    assert 0.010 <= fallen * step_m <= 0.020
+
+
 def test_speckle_moves_with_the_surface_and_differs_between_surfaces() -> None:
     shift = np.array([0.3, -0.2, 0.5])
     here = Sounder(plane(20.0), TUBE, FINE)
@@ -175,6 +209,31 @@ def test_a_step_is_heard_early_within_a_capture_radius_that_follows_the_beam() -
     assert 0.02 < tube < 0.05
     assert 0.04 < bare < 0.10
     assert bare > 1.3 * tube
+
+
+def test_the_capture_radius_shrinks_with_a_higher_threshold() -> None:
+    def radius(threshold: float) -> float:
+        sounder = Sounder(step(), TUBE, replace(FINE, threshold=threshold))
+        return next(y for y in np.arange(0.0, 0.15, 0.002) if abs(read(sounder, at(0.54, y))[0] - 0.63) < 0.002)
+
+    found = [radius(threshold) for threshold in (0.03, 0.06, 0.12, 0.24, 0.5)]
+    assert all(smaller <= larger for larger, smaller in pairwise(found))
+    assert found[-1] < 0.6 * found[0]
+
+
+def test_a_weak_echo_is_detected_later_by_up_to_a_few_periods_and_then_not_at_all() -> None:
+    half_wave = 0.5 * 343.2 / FINE.frequency_hz
+    strong = Sounder(plane(), TUBE, FINE)
+    late = []
+    for gain in (1.0, 0.3, 0.1, 0.05, 0.03, 0.02, 0.01):
+        weak = Sounder(plane(), TUBE, replace(FINE, gain=gain))
+        weak._delay_s = strong._delay_s  # calibrated with the strong echo, as the kit is
+        late.append((read(weak, at(0.43))[0] - 0.43) / half_wave)
+    assert all(later > earlier for earlier, later in pairwise(late))
+    assert abs(late[0]) < 0.05
+    assert 0.5 < late[3] < 1.5
+    assert 2.0 < late[5] < 5.0
+    assert late[6] == np.inf
 
 
 def test_both_levels_of_a_step_are_read_right_away_from_it() -> None:
@@ -209,6 +268,38 @@ def test_results_converge_with_more_rays(scene: Scene) -> None:
     assert usual < 0.5e-3
     assert np.abs(readings(4096) - best).max() <= max(usual, 1e-4)
     assert coarse < 0.01
+
+
+def test_results_converge_with_finer_patches_of_edges_surfaces_and_roughness() -> None:
+    places = [(y, z) for y in (-0.01, 0.0, 0.005, 0.02) for z in (0.0, 0.03)]
+
+    def over_the_step(spacing_m: float) -> np.ndarray:
+        sounder = Sounder(step(), TUBE, FINE, bundle=BundleParameters(edge_spacing_m=spacing_m))
+        return np.array([read(sounder, at(0.43, y, z))[0] for y, z in places])
+
+    best = over_the_step(0.002)
+    assert np.abs(over_the_step(0.016) - best).max() < 1e-4
+    assert np.abs(over_the_step(0.008) - best).max() < 2e-5
+
+    # The same plate in two and in 2,048 triangles.
+    corners = np.array([[0, -0.4, -0.4], [0, 0.4, -0.4], [0, 0.4, 0.4], [0, -0.4, 0.4]])
+    fine = trimesh.Trimesh(corners, [[0, 2, 1], [0, 3, 2]]).subdivide().subdivide().subdivide().subdivide().subdivide()
+    turned = pose(rotation_about([0, 0, 1], np.radians(4.0)), [0, 0, 0])
+    many = Scene([Body(np.asarray(fine.vertices), np.asarray(fine.faces), MATTE, turned)])
+    for y in (-0.05, 0.0, 0.03):
+        assert read(Sounder(many, TUBE, FINE), at(0.43, y))[0] == pytest.approx(
+            read(Sounder(plane(4.0), TUBE, FINE), at(0.43, y))[0], abs=2e-5
+        )
+
+    def diffuse_energy(cell_m: float) -> float:
+        sounder, found = Sounder(plane(20.0), TUBE, FINE, bundle=BundleParameters(speckle_cell_m=cell_m)), []
+        for seed in range(600):
+            sounder.seed = seed
+            heard = sounder.arrivals(at(0.43))
+            found.append(heard.real.sum() ** 2 + heard.imag.sum() ** 2)
+        return float(np.mean(found))
+
+    assert diffuse_energy(0.006) == pytest.approx(diffuse_energy(0.003), rel=0.2)
 
 
 def test_warm_air_shortens_every_range_by_the_speed_s_share() -> None:
