@@ -23,7 +23,6 @@ from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray, JointSamples, JointState
 
 _TICKS_PER_SAMPLE = 4  # of a motion that is run tick by tick
-_SAME_RAD = 1e-6
 
 Guard = Callable[[FloatArray, FloatArray], None]
 
@@ -161,7 +160,7 @@ class TridentArm:
         self._check_running()
         begin = trajectory.sample([0.0])[0][0]
         off = np.abs(begin - self._target_rad)
-        if not np.all(off <= _SAME_RAD):
+        if not np.all(off <= self._parameters.settle_rad):
             j = int(np.argmax(np.where(np.isnan(off), np.inf, off)))
             raise SafetyStopError(
                 f"the motion begins with joint {j + 1} at {np.degrees(begin[j]):.3f} deg, the arm stands at "
