@@ -20,7 +20,8 @@ from surfuse.node.firmware import MonotonicClock, Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import Frame
 from surfuse.node.responder import NodeIdentity, Responder
-from surfuse.pipeline.node_program import TetheredSensors, node, read_node_file
+from surfuse.pipeline.node_program import node, read_node_file
+from surfuse.pipeline.tethered import TetheredSensors
 from surfuse.records import Status
 from surfuse.settings import load
 from surfuse.twin import SimulatedClock, array_sensors, build_cell, build_world, square_fixture

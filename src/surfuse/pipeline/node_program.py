@@ -14,31 +14,23 @@ from pathlib import Path
 from types import FrameType
 
 from surfuse import registry
-from surfuse.errors import ConfigError, DeviceError, nearest
-from surfuse.interfaces import AlwaysOpen, Clock, RangeSensor
+from surfuse.errors import ConfigError, nearest
+from surfuse.interfaces import Clock, RangeSensor
 from surfuse.node.averaging import average_echoes
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
 from surfuse.node.firmware import MonotonicClock, run
 from surfuse.node.link import BusLink, open_bus
-from surfuse.node.responder import Average, NodeIdentity, Responder, Volley
+from surfuse.node.responder import Average, Configure, NodeIdentity, Responder, Volley
 from surfuse.node.volley import ThreadedVolley
 from surfuse.pipeline.outcome import Outcome
-from surfuse.records import Echo, FloatArray, SensorSpec
+from surfuse.pipeline.tethered import TetheredSensors
 from surfuse.runs.toml_file import read_toml, refuse_unknown
 from surfuse.settings import BUS_PINGS_LIMIT, BusSettings, from_tree
-from surfuse.simultaneous import SimultaneousArray
 from surfuse.twin import (
-    SimulatedClock,
-    array_sensors,
-    array_spec,
-    build_world,
     bus_parameters,
-    fired_together,
-    square_fixture,
 )
-from surfuse.world.tether import NodeEnd, Place
-from surfuse.world.twin import Twin
+from surfuse.world.tether import NodeEnd
 
 DEFAULT_BUS = "udp_multicast"
 OWN_SENSORS = ("a02yyuw", "hcsr04", "iio", "maxbotix", "tfmini")
@@ -73,6 +65,7 @@ def node(
     tally, bus = Tally(), bus_parameters(chosen.bus)
     identity = NodeIdentity(chosen.bus.node, uuid.getnode() % _UID_LIMIT, secrets.randbelow(_SESSIONS))
     average: Average | None = None
+    configure: Configure | None = None
     pings = 1
     with ExitStack() as opening:
         if chosen.sensors:
@@ -85,8 +78,10 @@ def node(
             clock, sensors = simulated.clock, simulated.sensors
             if chosen.bus.tether_port:
                 opening.enter_context(NodeEnd(chosen.bus.tether_port, simulated.configure, simulated.move))
-            volley = simulated.volley
-        responder = Responder(sensors, clock, identity, Catalogue(), pings=pings, average=average, volley=volley)
+            volley, configure = simulated.volley, simulated.set_kit
+        responder = Responder(
+            sensors, clock, identity, Catalogue(), pings=pings, average=average, configure=configure, volley=volley
+        )
         kind = "own" if chosen.sensors else "simulated"
         say(f"node {identity.node} on {bus.interface} {bus.channel}: {len(sensors)} {kind} sensors; Ctrl-C ends it")
         run(responder, BusLink(lambda: open_bus(bus), MonotonicClock(), tally), stop)
@@ -166,69 +161,6 @@ def _own(name: str, values: Mapping[str, object]) -> RangeSensor:
     except (TypeError, ValueError) as error:
         raise ConfigError(f"sensor '{name}': {error}", cure="correct its table in the node file") from error
     return sensor
-
-
-class TetheredSensors:
-    """Simulated sensors of a twin that the connected host describes, at the place that it tells."""
-
-    def __init__(self) -> None:
-        specs = [array_spec(from_tree({}), f"us{index}") for index in range(4)]
-        self.sensors = tuple(_Tethered(self, index, spec) for index, spec in enumerate(specs))
-        self.clock = SimulatedClock()
-        self._world: Twin | None = None
-        self._fired: tuple[RangeSensor, ...] = ()
-        self._together: SimultaneousArray | None = None
-        self._world_from_grip: FloatArray | None = None
-
-    def configure(self, tree: Mapping[str, object]) -> None:
-        """Build the host's twin."""
-        settings = from_tree(tree, "configuration of the host")
-        self._world, _ = build_world(settings)
-        self._world_from_grip = None
-        fixture = square_fixture(settings)
-        self._together = fired_together(settings, fixture, self._world, self._grip, self.clock)
-        self._fired = array_sensors(settings, fixture, self._world, self._grip, self.clock)
-
-    def move(self, place: Place) -> None:
-        """Take the arm's true place."""
-        if self._world is None:
-            raise ConfigError("a place before the configuration", cure="send the configuration first")
-        self.clock.advance(place.t_s - self.clock.now_s())
-        self._world.begin(place.stage, place.index)
-        self._world_from_grip = place.world_from_grip
-
-    def fire(self, index: int) -> Echo:
-        """One reading of one sensor."""
-        if not self._fired:
-            raise DeviceError("no host has said where the sensors are", cure="run `surfuse acquire --node udp`")
-        return self._fired[index].fire()
-
-    def volley(self, numbers: Sequence[int]) -> Sequence[Echo | None]:
-        """One reading of each of these sensors, all at the same moment; None before a host has told all it must."""
-        if self._together is None or self._world_from_grip is None:
-            return (None,) * len(numbers)
-        return self._together.volley(numbers)
-
-    def _grip(self) -> FloatArray:
-        if self._world_from_grip is None:
-            raise DeviceError("the host has not said where the arm is", cure="run `surfuse acquire --node udp`")
-        return self._world_from_grip
-
-
-class _Tethered(AlwaysOpen):
-    """One sensor of `TetheredSensors` under its number."""
-
-    def __init__(self, owner: TetheredSensors, index: int, spec: SensorSpec) -> None:
-        self._owner, self._index, self._spec = owner, index, spec
-
-    @property
-    def spec(self) -> SensorSpec:
-        """The paper's transducer; the host's configuration may change what it hears."""
-        return self._spec
-
-    def fire(self) -> Echo:
-        """One reading."""
-        return self._owner.fire(self._index)
 
 
 def _outcome(responder: Responder, identity: NodeIdentity, tally: Tally, names: list[str]) -> Outcome:

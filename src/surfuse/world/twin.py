@@ -12,7 +12,7 @@ import numpy as np
 from surfuse.errors import ConfigError
 from surfuse.interfaces import Generator
 from surfuse.records import ByteArray, CameraModel, FloatArray, SensorSpec
-from surfuse.world.acoustics.air import AirParameters
+from surfuse.world.acoustics.air import AirParameters, speed_of_sound
 from surfuse.world.acoustics.beam import BundleParameters
 from surfuse.world.acoustics.crosstalk import ping_together
 from surfuse.world.acoustics.kit import BARE, TUBE, KitParameters, TransducerParameters
@@ -66,8 +66,9 @@ class Twin:
         if seed < 0:
             raise ConfigError(f"seed = {seed}", cure="give 0 or more")
         self._scene, self._parameters, self._seed = scene, parameters or TwinParameters(), seed
-        self._sounders: dict[tuple[TransducerParameters, float], Sounder] = {}
+        self._sounders: dict[tuple[TransducerParameters, KitParameters], Sounder] = {}
         self._of_spec: dict[SensorSpec, Sounder] = {}
+        self._kits: dict[str, KitParameters] = {}
         self._streams: dict[tuple[int, int], Generator] = {}
         self._stop = (0, 0)
         self._gate = threading.Lock()
@@ -126,6 +127,22 @@ class Twin:
                     ranges[i], amplitudes[i] = found
             return ranges, amplitudes
 
+    @property
+    def assumed_speed_m_s(self) -> float:
+        """Speed of sound from which the kits take their ranges."""
+        return speed_of_sound(self._parameters.air.assumed_temperature_c)
+
+    def kit(self, spec: SensorSpec) -> KitParameters:
+        """The kit that drives a sensor."""
+        with self._gate:
+            return self._sounder(spec).kit
+
+    def set_kit(self, name: str, kit: KitParameters) -> None:
+        """Drive the sensor of this name by another kit."""
+        with self._gate:
+            self._kits[name] = kit
+            self._of_spec.clear()
+
     def sounder(self, spec: SensorSpec) -> Sounder:
         """The acoustics of one sensor, for drawing and for data sheets."""
         with self._gate:
@@ -161,9 +178,9 @@ class Twin:
         named = own.transducers.get(spec.name)
         transducer = named or transducer_of(spec)
         frequency_hz = own.kit.frequency_hz if named else spec.frequency_hz or own.kit.frequency_hz
-        key = (transducer, frequency_hz)
+        kit = self._kits.get(spec.name) or replace(own.kit, frequency_hz=frequency_hz)
+        key = (transducer, kit)
         if key not in self._sounders:
-            kit = replace(own.kit, frequency_hz=frequency_hz)
             self._sounders[key] = Sounder(self._scene, transducer, kit, own.air, own.bundle, own.surfaces, self._seed)
         return self._sounders[key]
 
