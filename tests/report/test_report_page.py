@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from surfuse.errors import ConfigError, DataError, StorageError
-from surfuse.records import SkippedStop
+from surfuse.records import GuardReason, RegionDecision, SkippedStop
 from surfuse.report.comparison import render_comparison
 from surfuse.report.content import SAFETY, Event, KeyFigure, ReportContent
 from surfuse.report.page import PageLimits, render_report
@@ -238,6 +238,20 @@ def test_the_rival_stands_beside_the_run_with_evidence_in_words(page, run_conten
     assert {"second", "weight"} <= set(group["maps"][json.loads(pair)[1]]["layers"])
     assert page.text.count("prior only, not measured") == 1
     assert "No reading holds the cell" in page.text
+
+
+def test_the_decisions_of_the_guard_are_told_in_words(run_content):
+    best = RegionDecision(
+        (-0.1, 0.0), (0.0, 0.2), 40, 9, ("own", "plane"), "own", GuardReason.BEST, (0.001, 0.004), (0.0, 0.0)
+    )
+    beaten = replace(best, chosen="plane", reason=GuardReason.BEATEN, miss_m=(0.006, 0.002))
+    first = run_content.maps[0]
+    judged = replace(first, surface=replace(first.surface, decisions=(best, beaten)))
+    page = Page(render_report(replace(run_content, maps=(judged, *run_content.maps[1:])), LIGHT))
+    assert "of 2 regions own in 1, plane in 1" in page.text
+    assert "predicts them clearly better than the method's own" in page.text
+    assert page.text.index("6.00") < page.text.index("4.00")
+    assert "How the surface was chosen" not in Page(render_report(run_content, LIGHT)).text
 
 
 def test_a_run_alone_is_shown_without_a_rival(run_content):

@@ -10,6 +10,7 @@ from surfuse.records import FloatArray, Regime, SurfaceMap
 from surfuse.report.blocks import section
 from surfuse.report.content import NamedMap, ReportContent
 from surfuse.report.deviation import deviation
+from surfuse.report.guard_table import guard_table
 from surfuse.report.map_data import MM, REGIME_COLOURS, REGIME_LABELS, REGIME_MEANINGS
 from surfuse.report.markup import Child, Markup, element
 
@@ -39,6 +40,7 @@ def side_section(content: ReportContent) -> Markup:
     )
     tables: list[Child] = [element("h3", None, "What the cells rest on")]
     tables += [_evidence(named, truth) for named in maps]
+    tables += [guard_table(named.surface.decisions) for named in maps if named.surface.decisions]
     return section("methods", side_title(content), element("p", None, what + cursor), body, *tables, long=True)
 
 

@@ -15,7 +15,7 @@ class SideBySide {
     this.update();
   }
 
-  /** The cuts start where the two methods differ most, or in the middle of a single one. */
+  /** The cuts start where the two methods differ most, away from the rim, or in the middle of a single one. */
   startOfCuts() {
     const [a, b] = this.pair, e = this.group.extent;
     const best = { u: 0.5 * (e.u0 + e.u1), v: 0.5 * (e.v0 + e.v1) };
@@ -23,7 +23,7 @@ class SideBySide {
     for (const along of ["u", "v"]) {
       let most = 0;
       const n = along === "u" ? a.nu : a.nv, m = along === "u" ? a.nv : a.nu;
-      for (let i = 0; i < n; i++) {
+      for (let i = Math.round(0.15 * n); i < 0.85 * n; i++) {
         let sum = 0;
         for (let j = 0; j < m; j++) {
           const k = along === "u" ? j * a.nu + i : i * a.nu + j, d = Math.abs(a.layers.height[k] - b.layers.height[k]);
