@@ -98,7 +98,7 @@ def test_a_facing_plate_is_recovered_better_than_its_readings() -> None:
     assert np.all(surface.mask)
     assert np.sqrt(np.mean(error_mm(surface, 0.0 * UU) ** 2)) < 0.15
     assert np.all(surface.regime == Regime.MIRROR)
-    assert 0.01e-3 < np.median(surface.sigma_m) < 0.3e-3
+    assert 0.2e-3 < np.median(surface.sigma_m) < 0.4e-3
 
 
 def test_a_tilted_plate_heard_at_its_perpendicular_distance() -> None:
@@ -129,7 +129,7 @@ def test_a_step_is_sharp_and_in_its_place() -> None:
 def test_any_part_frame_gives_the_same_map() -> None:
     frame = pose(rotation_about([0.3, -0.5, 0.8], 1.1), [1.0, -2.0, 0.7])
     here, there = fuse(*scan(to_plane(3.0))), fuse(*scan(to_plane(3.0), world_from_part=frame))
-    np.testing.assert_allclose(there.height_m, here.height_m, atol=1e-5)
+    np.testing.assert_allclose(there.height_m, here.height_m, atol=5e-5)
 
 
 def test_without_an_outline_the_extent_comes_from_what_was_heard() -> None:

@@ -36,6 +36,8 @@ class Parameters:
     threshold_ratio: detection threshold relative to the echo of a facing plate. rise_wavelengths: time constant of the
     echo's rise, in wavelengths of range. burst_cycles: cycles of the burst. roughness_m: diffuse scattering length of
     the surface (m). edge_price: how improbable a break between two cells is (units of log likelihood).
+    air_temperature_sigma_k: standard deviation of the air temperature that the ranges were computed with (K); the error
+    of the speed of sound is common to all readings, so no number of them takes it out of sigma. 0: measured exactly.
     """
 
     threshold_ratio: float = 0.0145
@@ -43,6 +45,7 @@ class Parameters:
     burst_cycles: int = 16
     roughness_m: float = 0.00065
     edge_price: float = 0.5
+    air_temperature_sigma_k: float = 0.4
 
     def __post_init__(self) -> None:
         limits = {
@@ -51,6 +54,7 @@ class Parameters:
             "burst_cycles": (float(self.burst_cycles), 1.0, 1000.0),
             "roughness_m": (self.roughness_m, 1e-6, 0.1),
             "edge_price": (self.edge_price, 0.01, 1000.0),
+            "air_temperature_sigma_k": (self.air_temperature_sigma_k, 0.0, 50.0),
         }
         for name, (value, low, high) in limits.items():
             if not low <= value <= high:
@@ -59,7 +63,10 @@ class Parameters:
     @property
     def detector(self) -> DetectorModel:
         """The detector and surface that these parameters describe."""
-        return DetectorModel(self.threshold_ratio, self.burst_cycles, self.rise_wavelengths, self.roughness_m)
+        return DetectorModel(
+            self.threshold_ratio, self.burst_cycles, self.rise_wavelengths, self.roughness_m,
+            self.air_temperature_sigma_k,
+        )  # fmt: skip
 
 
 @dataclass

@@ -17,6 +17,7 @@ from surfuse.fusion.beam_model.crossing import first_crossings, plane_impulse
 from surfuse.records import FloatArray, SensorSpec
 
 SPEED_OF_SOUND_M_S = 343.2
+ROOM_K = 293.15
 OPTICAL_KINDS = ("laser", "infrared", "tof", "optical", "lidar")
 # Angles of the tables: fine where the mirror-like echo dies, up to where no matte surface answers.
 TILTS = np.radians(np.array([0, 3, 6, 8, 10, 12, 14, 17, 20, 23, 26, 30, 35, 40, 50, 60, 75], dtype=np.float64))
@@ -40,13 +41,20 @@ class DetectorModel:
     """Constants of burst, detector and matte surface that no sheet of a sensor gives.
 
     `threshold` relative to the echo of a facing plate, `cycles` of the burst, `rise_wavelengths` the time constant of
-    the envelope in ranges of one wavelength, `roughness_m` the diffuse scattering length of a matte surface.
+    the envelope in ranges of one wavelength, `roughness_m` the diffuse scattering length of a matte surface,
+    `air_temperature_sigma_k` the standard deviation of the air temperature that the ranges were computed with.
     """
 
     threshold: float = 0.0145
     cycles: int = 16
     rise_wavelengths: float = 2.0
     roughness_m: float = 0.00065
+    air_temperature_sigma_k: float = 0.4
+
+    @property
+    def speed_share(self) -> float:
+        """Standard deviation of the speed of sound, as a share of it: the speed grows with the root of T."""
+        return 0.5 * self.air_temperature_sigma_k / ROOM_K
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,8 @@ class BeamTable:
     Over `OFF_AXIS`: `directivity` two-way; `mirror` and `rim` the amplitudes that explain when a smooth plane of that
     tilt, and the rim of a facing half plane at that angle, cross the threshold (0: never). `half_angle_rad` the capture
     angle; `wavelength_m`; `speckle_m`, `scatter_m` (tilts, levels + 1) location and scale of range minus axis range,
-    the last column for readings without amplitude; `level` (tilts,) the median amplitude.
+    the last column for readings without amplitude; `level` (tilts,) the median amplitude. `speed_share` is how
+    uncertain the speed of sound is, the same for all readings.
     """
 
     directivity: FloatArray
@@ -71,6 +80,7 @@ class BeamTable:
     rise_m: float
     rim_speckle: float
     optical: bool
+    speed_share: float = 0.0
 
 
 def piston(ka: float, angle_rad: FloatArray) -> FloatArray:
@@ -268,4 +278,5 @@ def beam_table(spec: SensorSpec, range_mm: int, model: DetectorModel) -> BeamTab
         rise,
         RIM_GRAIN * model.roughness_m / wavelength,
         optical,
+        0.0 if optical else model.speed_share,
     )

@@ -27,6 +27,7 @@ ONE_IN = 5
 LEAST_STATIONS = 100
 LEAST_JUDGES = 6
 REGION_M = 0.10
+LINE_M = 0.0019
 # A miss counts no more than this: an outlier judges nobody.
 LARGEST_MISS_M = 0.02
 # What is clearly better: by this share of the miss, by this much, and by so many standard errors of the difference.
@@ -53,7 +54,8 @@ def held_out(stations: Stations) -> BoolArray:
     count = len(stations)
     if count < LEAST_STATIONS:
         return np.zeros(count, dtype=np.bool_)
-    place = np.round(stations.foot_m[:, :2] / 0.002)
+    # Lines of a raster in whole or half millimetres never lie on the border of two such lines.
+    place = np.round(stations.foot_m[:, :2] / LINE_M)
     order = np.lexsort((place[:, 0], place[:, 1]))
     chosen = np.zeros(count, dtype=np.bool_)
     chosen[order[ONE_IN // 2 :: ONE_IN]] = True

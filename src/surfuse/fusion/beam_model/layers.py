@@ -9,17 +9,21 @@ from scipy.ndimage import distance_transform_edt, maximum_filter, uniform_filter
 
 from surfuse.fusion.beam_model.arrivals import MIRROR, RIM, SPECKLE
 from surfuse.fusion.beam_model.band import colour, factor
-from surfuse.fusion.beam_model.problem import Problem, pulls, residuals
+from surfuse.fusion.beam_model.problem import Problem, deviation, pulls, residuals
 from surfuse.fusion.beam_model.search import LOOSE_M, Solution
 from surfuse.records import ByteArray, FloatArray, IntArray, Regime
 
 SAMPLES = 64
-# Share of a sensor's own sigma that neither averaging nor neighbours remove (temperature, offset).
+# Share of a sensor's own sigma that neither averaging nor neighbours remove (its offset).
 COMMON = 0.2
 # Share of the model's scatter that neighbours have in common, by kind of arrival.
-SHARED = {MIRROR: 0.8, SPECKLE: 0.2, RIM: 0.3}
+SHARED = {MIRROR: 0.8, SPECKLE: 0.12, RIM: 0.3}
 # Slope that an unmeasured strip may hide, so that its uncertainty grows with the distance from what is measured.
-HIDDEN_SLOPE = 0.02
+HIDDEN_SLOPE = 0.12
+# Where the readings around a cell miss their predictions by more than they should, sigma grows with it: neighbourhood,
+# and the most that a single reading counts (square of its miss over its standard deviation).
+AROUND_M = 0.025
+LARGEST_RATIO = 16.0
 FLOOR_M = 0.00003
 
 
@@ -73,8 +77,33 @@ def common_sigma(p: Problem, solution: Solution, width: int) -> FloatArray:
     return np.asarray(np.sqrt(model**2 + sensor**2 + FLOOR_M**2))
 
 
-def layers(p: Problem, solution: Solution) -> Layers:
-    """All layers of a solution."""
+def external(p: Problem, solution: Solution) -> FloatArray:
+    """Ratio (R, C), at least 1, of the external to the internal variance of the readings around each cell.
+
+    External: how far they are from what the surface predicts (Birge, Phys. Rev. 40 (1932) 207).
+    """
+    error, known = residuals(p, solution.heard)
+    square = known * np.minimum((error / deviation(p, solution.heard, 0.0)) ** 2, LARGEST_RATIO)
+    width = 2 * max(1, round(AROUND_M / p.raster.g_m)) + 1
+    total, number = np.zeros(p.raster.shape), np.zeros(p.raster.shape)
+    for kind in SHARED:
+        total += around(by_cell(p, solution, square, kind), width)
+        number += around(by_cell(p, solution, known, kind), width)
+    return np.asarray(np.maximum(total / np.maximum(number, 0.5), 1.0))
+
+
+def speed_sigma(p: Problem, solution: Solution) -> float:
+    """Error of the height (m) from the speed of sound, which all readings share: a share of the range, seen along w."""
+    heard = solution.heard
+    known = (heard.kind == MIRROR) | (heard.kind == SPECKLE)
+    if not np.any(known):
+        return 0.0
+    share = np.array([table.speed_share for table in p.tables])[p.stations.spec]
+    return float(np.median((share * p.stations.range_m / np.maximum(np.abs(heard.gain), 0.2))[known]))
+
+
+def layers(p: Problem, solution: Solution, doubt_m: FloatArray | None = None) -> Layers:
+    """All layers of a solution; `doubt_m` (R, C) says how far other explanations of the same readings are from it."""
     width = 2 * max(1, round(0.75 * p.spacing_m / p.raster.g_m)) + 1 if np.isfinite(p.spacing_m) else 3
     number = p.stations.count.astype(np.float64)
     mirror = around(by_cell(p, solution, number, MIRROR), width)
@@ -86,7 +115,10 @@ def layers(p: Problem, solution: Solution) -> Layers:
     regime = np.where((regime == int(Regime.PRIOR)) & (rim > 0.5), int(Regime.EDGE), regime)
     away = distance_transform_edt(direct < 0.5) * p.raster.g_m if np.any(direct >= 0.5) else np.full(direct.shape, 1.0)
     sigma = np.sqrt(
-        posterior_sigma(p, solution) ** 2 + common_sigma(p, solution, width) ** 2 + (HIDDEN_SLOPE * away) ** 2
+        (posterior_sigma(p, solution) ** 2 + common_sigma(p, solution, width) ** 2) * external(p, solution)
+        + speed_sigma(p, solution) ** 2
+        + (HIDDEN_SLOPE * away) ** 2
+        + (0.0 if doubt_m is None else doubt_m**2)
     )
     e, known = residuals(p, solution.heard)
     spread = np.maximum(solution.heard.scatter_m, 2.0 * p.stations.sigma_m + 0.0005)

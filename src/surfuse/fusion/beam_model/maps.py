@@ -10,6 +10,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from surfuse.fusion.beam_model.domain import heard_extent, inside_outline, raster_over
+from surfuse.fusion.beam_model.doubt import laid_on, spread
 from surfuse.fusion.beam_model.echo import SPEED_OF_SOUND_M_S, BeamTable, DetectorModel, beam_table
 from surfuse.fusion.beam_model.estimate import FULL, LEAN, Effort, completed, explore, refine
 from surfuse.fusion.beam_model.guard import fallen_back, held_out, judged
@@ -129,14 +130,16 @@ def _solve(
     few = own.select(sparse(own, coarse, MOST_A_CELL))
     apart = held_out(few)
     shown = problem(few.select(~apart), tables, coarse, step)
-    best = explore(shown, edge, effort)[0]
+    found = explore(shown, edge, effort)
+    best, doubt_m = found[0], spread(found)
     verdict = judged(shown, best, few.select(apart), tile if fine is None else None)
     every = problem(few, tables, coarse, step)
     final = completed(every, best, effort)
     if fine is not None:
         detailed = problem(own, tables, fine, step)
         every, final = detailed, refine(every, detailed, final)
-    return fallen_back(sheet_of(every, final), every, verdict, coarse), verdict.decisions
+    sheet = sheet_of(every, final, laid_on(doubt_m, coarse, every.raster))
+    return fallen_back(sheet, every, verdict, coarse), verdict.decisions
 
 
 def on_grid(sheet: Sheet, grid: MapGrid) -> SurfaceMap:

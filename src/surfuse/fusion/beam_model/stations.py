@@ -95,15 +95,15 @@ def _lying(sensor: IntArray, agrees: BoolArray, judged: BoolArray, sensors: int)
     return (shared >= 8) & (wrong > 0.6 * shared)
 
 
-def _agreement(group: IntArray, range_m: FloatArray, sigma: FloatArray) -> tuple[BoolArray, IntArray]:
-    """Whether a reading agrees with the median of its group (N,), and the size of each group."""
+def _agreement(group: IntArray, range_m: FloatArray, sigma: FloatArray) -> tuple[BoolArray, IntArray, FloatArray]:
+    """Whether a reading agrees with the median of its group (N,), the size of each group, and that median (N,)."""
     order = np.lexsort((range_m, group))
     size = np.bincount(group)
     first = np.concatenate([[0], np.cumsum(size)[:-1]])
     ordered = range_m[order]
     median = 0.5 * (ordered[first + (size - 1) // 2] + ordered[first + size // 2])
     tolerance = np.maximum(AGREEMENT_SIGMAS * sigma, AGREEMENT_FLOOR_M)
-    return np.abs(range_m - median[group]) <= tolerance, size
+    return np.abs(range_m - median[group]) <= tolerance, size, median[group]
 
 
 def gather(readings: Readings, scene: FusionScene) -> Stations:
@@ -122,10 +122,13 @@ def gather(readings: Readings, scene: FusionScene) -> Stations:
     kind_of = np.array([number[_kind(k)] for k in readings.specs], dtype=np.int64)
     spec = kind_of[sensor]
     group = _groups(position, axis, spec)
-    agrees, size = _agreement(group, range_m, sigma)
-    lying = _lying(sensor, agrees, size[group] >= 3, len(readings.specs))
-    # Where only two meet and disagree, neither is believed more: both stay, as places of their own.
-    pair = (size[group] == 2) & ~agrees
+    agrees, size, median = _agreement(group, range_m, sigma)
+    # Where the median has no follower (two that disagree, or two against two), nobody is believed more: all stay, as
+    # places of their own.
+    followers = np.bincount(group, weights=agrees, minlength=len(size))
+    pair = (followers[group] == 0) & (size[group] > 1)
+    sigma = np.where(pair, np.maximum(sigma, np.abs(range_m - median)), sigma)
+    lying = _lying(sensor, agrees, (size[group] >= 3) & ~pair, len(readings.specs))
     keep = (agrees | pair) & ~lying[sensor]
     group = np.where(pair, group.max(initial=0) + 1 + np.arange(len(group)), group)
     of_reading = np.full(len(readings.range_m), -1, dtype=np.int64)

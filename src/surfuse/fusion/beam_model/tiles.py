@@ -58,10 +58,10 @@ def blank(raster: Raster) -> Sheet:
     return Sheet(raster, zero, zero, zero, zero, zero, whole, small, zero > 1.0, zero * np.nan, zero)
 
 
-def sheet_of(p: Problem, solution: Solution) -> Sheet:
-    """All layers of a solution."""
+def sheet_of(p: Problem, solution: Solution, doubt_m: FloatArray | None = None) -> Sheet:
+    """All layers of a solution; `doubt_m` (R, C) says how far other explanations are from it."""
     su, sv, _, _, _ = slopes(solution.height_m, p.raster.domain, p.raster.g_m, solution.crease_m)
-    rest = layers(p, solution)
+    rest = layers(p, solution, doubt_m)
     second, weight = rivals(p, solution.height_m, solution.stiffness, solution.crease_m)
     return Sheet(
         p.raster, solution.height_m, su, sv, rest.sigma_m, rest.confidence, rest.count, rest.regime, p.raster.domain,
