@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,11 +19,13 @@ from surfuse.pipeline import acquisition
 from surfuse.pipeline.outcome import SilentWatcher
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_reader import read_log
+from surfuse.runs.progress import read_progress
 from surfuse.servo_twin import ServoArm, ServoTwinArm
 from surfuse.settings import Settings, load
 from surfuse.twin import build_cell
 
-SETTINGS = load(None, ["scene.name=flat", "scan.step_m=0.08", "fusion.method=weighted_average", "array.pings=2"])
+OVERRIDES = ["scene.name=flat", "scan.step_m=0.08", "array.pings=2"]
+SETTINGS = load(None, [*OVERRIDES, "fusion.method=weighted_average"])
 FAULTY_STOP = 4
 
 
@@ -111,6 +116,27 @@ def test_a_fault_ends_in_a_safe_stop_and_the_scan_goes_on(
     assert stopped.value.what in [event.text for event in log.events]
     assert acquisition.resume(run, SilentWatcher()).complete
     assert map_bits(run) == map_bits(unbroken)
+
+
+def test_a_run_behind_the_cards_that_is_killed_goes_on_to_the_same_map(
+    unbroken: Path, tmp_path: Path, map_bits: Callable[[Path], dict[str, bytes]]
+) -> None:
+    run = tmp_path / "run"
+    words = ["acquire", "--method", "weighted_average", "--quiet", "--out", str(run)]
+    for override in OVERRIDES:
+        words += ["--set", override]
+    process = subprocess.Popen([str(Path(sys.executable).with_name("surfuse")), *words])
+    while process.poll() is None and sweeps_on_disk(run) < 3:
+        time.sleep(0.02)
+    process.kill()
+    process.wait()
+    assert acquisition.resume(run, SilentWatcher()).complete
+    assert map_bits(run) == map_bits(unbroken)
+
+
+def sweeps_on_disk(run: Path) -> int:
+    progress = read_progress(run) if (run / "log").is_dir() else None
+    return 0 if progress is None else len(progress.done)
 
 
 def test_the_kinematic_arm_gives_almost_the_same_map(unbroken: Path, tmp_path: Path) -> None:
