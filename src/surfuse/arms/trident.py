@@ -95,6 +95,9 @@ class TridentArm:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if error is not None and self._motion is not None:
+            # Something else failed while the arm was on its way.
+            self._servo.halt("the program ended in mid-motion")
         self._servo.power_off()
 
     @property
@@ -252,8 +255,11 @@ class TridentArm:
         )
 
     def emergency_stop(self, why: str = "emergency stop asked for by the program") -> JointState:
-        """Cut the power and close the brakes; returns where the arm came to rest. Moves are refused until `recover`."""
-        self._servo.stop(why)
+        """Bring all joints to rest at once and cut the power; returns where that is. Moves are refused until `recover`.
+
+        See `JointServo.halt`.
+        """
+        self._servo.halt(why)
         return self.joint_state()
 
     def recover(self) -> JointState:

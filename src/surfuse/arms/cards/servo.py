@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -24,6 +25,8 @@ from surfuse.records import FloatArray, IntArray
 
 _REST_TICKS = 20
 _REST_LIMIT_S = 2.0
+_HALT_S = 0.25
+_SLOW_RAD_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -286,6 +289,24 @@ class JointServo:
                 f"the servo's heartbeat was lost: {1e3 * passed:.1f} ms between two ticks, at most "
                 f"{1e3 * self._supervision.late_share * self._law.period_s:.1f} ms"
             )
+
+    def halt(self, why: str) -> None:
+        """Emergency stop with the motors' help: brakes on, all joints braked by their motors, then power off.
+
+        A stop of category 1 (IEC 60204-1): the wrist has no brakes, and without power it would run out against its
+        friction. Where that fails, the power is off at once. No error; the next motion is refused.
+        """
+        if self.running:
+            self._outputs &= ~reg.OUT_BRAKE_RELEASE
+            slow, waited = 0, 0.0
+            # Supervision has cut the power itself when it raises.
+            with suppress(SafetyStopError):
+                while slow < _REST_TICKS and waited < _HALT_S:
+                    # Wanted where it is, at rest: nothing is left of the law but its damping and the arm's weight.
+                    self.tick(self._position.copy(), self._still, self._still)
+                    waited += self._law.period_s
+                    slow = slow + 1 if np.max(np.abs(self._velocity)) < _SLOW_RAD_S else 0
+        self.stop(why)
 
     def stop(self, why: str) -> None:
         """Emergency stop: power off, brakes on, wait until the arm rests. No error; the next motion is refused."""
