@@ -19,7 +19,7 @@ from surfuse.pipeline.map_of_result import surface_of
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, Watcher
 from surfuse.pipeline.reporting import write_report
-from surfuse.records import FusionResult, Gap, MapGrid, SurfaceMap, in_words
+from surfuse.records import FusionResult, Gap, MapGrid, Regime, SurfaceMap, in_words
 from surfuse.runs.configuration import write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import ScanLog, require_echoes
@@ -74,6 +74,7 @@ def fuse(
         ("readings", f"{summary['readings']} in {summary['stops']} sweeps"),
         ("cells", f"{summary['cells']} with a value, median sigma {summary['median_sigma_mm']:.2f} mm"),
         ("gaps", f"{summary['gaps']} sweeps without a value"),
+        *_unmeasured(surface),
         *([("guard", in_words(surface.decisions))] if surface.decisions else []),
         ("wall time", f"{wall_s:.1f} s"),
         ("map", str(run.surface)),
@@ -81,6 +82,13 @@ def fuse(
     ]
     files = {"run": str(run.path), "map": str(run.surface), "report": str(run.report)}
     return Outcome({**files, **summary, "wall_time_s": wall_s}, rows)
+
+
+def _unmeasured(surface: SurfaceMap) -> list[tuple[str, str]]:
+    """What a user must not take for measured, when there is any: cells that no reading holds."""
+    prior = int(np.count_nonzero(surface.mask & (surface.regime == int(Regime.PRIOR))))
+    text = f"{prior} of these cells only continue their surroundings: no reading holds them"
+    return [("not measured", text)] if prior else []
 
 
 def fused(scan: ScanLog, method: FusionMethod, grid: MapGrid) -> tuple[FusionResult, SurfaceMap]:
@@ -119,6 +127,7 @@ def _summary(
         "stops": scan.readings.n_sweeps,
         "gaps": int((result.points.gap != int(Gap.NONE)).sum()),
         "cells": int(surface.mask.sum()),
+        "cells_not_measured": int(np.count_nonzero(surface.mask & (surface.regime == int(Regime.PRIOR)))),
         "median_sigma_mm": 1e3 * float(np.median(surface.sigma_m[surface.mask])),
         **({"guard": in_words(surface.decisions)} if surface.decisions else {}),
         "frame_estimated": scan.frame_estimated,
