@@ -15,7 +15,7 @@ import numpy as np
 
 from surfuse.cameras import REFERENCE_MODEL
 from surfuse.cell import looking_outwards
-from surfuse.pipeline.pictures import compare
+from surfuse.pipeline.threshold_comparison import compare
 from surfuse.vision.threshold import METHODS, histogram, maximum_entropy, minimum_error, otsu, threshold, uniform_error
 from surfuse.vision.threshold.uniform_error import block_counts
 from surfuse.world.materials import Material

@@ -9,7 +9,8 @@ from surfuse.cell import looking_outwards
 from surfuse.errors import DataError
 from surfuse.geometry.poses import inverse, pose, rotation_about, transform_points
 from surfuse.records import CameraModel
-from surfuse.vision.calibration_shoulder import ShoulderParameters, calibrate_shoulder_camera, calibrate_shoulder_ranger
+from surfuse.vision.calibration_ranger import calibrate_shoulder_ranger
+from surfuse.vision.calibration_shoulder import ShoulderParameters, calibrate_shoulder_camera
 from surfuse.vision.calibration_target import Target, TargetView
 from surfuse.vision.rays import pixels_of
 
@@ -94,6 +95,15 @@ def test_ranger_is_where_its_ranges_say():
     assert again.ranges == 4
     noisy = calibrate_shoulder_ranger(BOARD, ANGLES, ranges(place, noise=0.001), 1.2)
     assert np.all(np.abs(noisy.forward_left_m - place[:2]) < 4.0 * noisy.sigma_m)
+
+
+def test_ranges_that_are_all_too_long_move_the_ranger_by_less_than_the_stated_deviation():
+    place = np.array([0.13, 0.03, 1.2])
+    for share in (0.995, 1.005):
+        found = calibrate_shoulder_ranger(BOARD, ANGLES, share * ranges(place), 1.2)
+        off = np.abs(found.forward_left_m - place[:2])
+        assert off[0] > 1e-3
+        assert np.all(off <= 1.02 * found.sigma_m)
 
 
 def test_ranger_without_ranges_is_refused():

@@ -29,11 +29,10 @@ from surfuse.records import ByteArray, CameraModel, FloatArray
 from surfuse.settings import load
 from surfuse.twin import camera_model
 from surfuse.vision.calibration_camera import CalibrationParameters, calibrate_camera
+from surfuse.vision.calibration_ranger import ShoulderRanger, calibrate_shoulder_ranger
 from surfuse.vision.calibration_shoulder import (
     ShoulderCamera,
-    ShoulderRanger,
     calibrate_shoulder_camera,
-    calibrate_shoulder_ranger,
 )
 from surfuse.vision.calibration_target import NotSeen, Target, TargetView, look_for
 from surfuse.vision.picture import read_picture

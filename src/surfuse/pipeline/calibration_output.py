@@ -12,7 +12,8 @@ from surfuse import __version__
 from surfuse.cell import Mount
 from surfuse.records import CameraModel
 from surfuse.vision.calibration_camera import CameraCalibration
-from surfuse.vision.calibration_shoulder import ShoulderCamera, ShoulderRanger
+from surfuse.vision.calibration_ranger import ShoulderRanger
+from surfuse.vision.calibration_shoulder import ShoulderCamera
 from surfuse.vision.calibration_target import NotSeen, Target
 
 _COVERAGE_GOOD = 0.5

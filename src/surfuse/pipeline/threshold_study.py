@@ -16,7 +16,7 @@ from surfuse.durable import refuse_existing, write_text
 from surfuse.errors import UsageError
 from surfuse.interfaces import Generator
 from surfuse.pipeline.outcome import Outcome
-from surfuse.pipeline.pictures import Division, compare
+from surfuse.pipeline.threshold_comparison import Division, compare
 from surfuse.records import BoolArray, ByteArray
 from surfuse.vision.threshold import METHODS
 from surfuse.world.materials import Material
