@@ -9,7 +9,7 @@ from surfuse.errors import DataError
 from surfuse.pipeline.outcome import Outcome, Watcher
 from surfuse.runs.scan_source import load_scan
 from surfuse.runs.tof_vicon import is_tof_vicon, read_tof_vicon
-from surfuse.surface.incidence import IncidenceError, PlaneError, errors_by_incidence, fitted_plane
+from surfuse.surface.incidence import BAND_DEG, IncidenceError, PlaneError, errors_by_incidence, fitted_plane
 from surfuse.surface.time_lag import estimate_lag
 from surfuse.surface.truth import read_mesh
 
@@ -51,10 +51,12 @@ def sync(log: Path, truth: Path | None, max_lag_ms: float, watcher: Watcher) -> 
         ("against", f"{found.surface}, {found.echoes} echoes"),
     ]
     if mesh is not None:
-        before, after = (errors_by_incidence(scan.readings, mesh, lag_s) for lag_s in (0.0, found.lag_s))
-        summary["by_incidence"] = {"before": [_band(one) for one in before], "after": [_band(one) for one in after]}
-        rows.append(("incidence", "median error, scatter: before lag and offset -> after (mm), echoes"))
-        rows += [_band_row(one, two) for one in before for two in after if one.low_deg == two.low_deg]
+        before, timed = (errors_by_incidence(scan.readings, mesh, lag_s) for lag_s in (0.0, found.lag_s))
+        after = errors_by_incidence(scan.readings, mesh, found.lag_s, beams=True)
+        stages = {"before": before, "lag_and_offset": timed, "after": after}
+        summary["by_incidence"] = {name: [_band(one) for one in bands] for name, bands in stages.items()}
+        rows.append(("incidence", "median error, scatter (mm): raw -> lag and offset -> mean over the beam, echoes"))
+        rows += [_band_row(low, stages) for low in sorted({one.low_deg for one in after})]
     if recording is not None and mesh is not None:
         planes = [fitted_plane(scan.readings, mesh, lag_s) for lag_s in (0.0, found.lag_s)]
         summary["target_plane"] = dict(zip(("before", "after"), map(_plane, planes), strict=True))
@@ -85,7 +87,10 @@ def _band(one: IncidenceError) -> dict[str, object]:
     }
 
 
-def _band_row(one: IncidenceError, two: IncidenceError) -> tuple[str, str]:
-    label = f"  {one.low_deg:.0f} to {one.high_deg:.0f} deg"
-    first = f"{1e3 * one.median_m:+.1f}, {1e3 * one.scatter_m:.1f}"
-    return label, f"{first} -> {1e3 * two.median_m:+.1f}, {1e3 * two.scatter_m:.1f}  ({two.echoes})"
+def _band_row(low_deg: float, stages: dict[str, tuple[IncidenceError, ...]]) -> tuple[str, str]:
+    shown = [next((one for one in bands if one.low_deg == low_deg), None) for bands in stages.values()]
+    texts = [f"{1e3 * one.median_m:+.1f}, {1e3 * one.scatter_m:.1f}" if one is not None else "-" for one in shown]
+    last = shown[-1]
+    echoes = f"  ({last.echoes})" if last is not None else ""
+    high_deg = low_deg + BAND_DEG
+    return f"  {low_deg:.0f} to {high_deg:.0f} deg", " -> ".join(texts) + echoes

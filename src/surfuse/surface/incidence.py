@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.records import FloatArray, IntArray, Readings, Status
+from surfuse.surface.beam_average import averaged_ranges
 from surfuse.surface.casting import RayCaster
 from surfuse.surface.time_lag import moved_poses
 
+OPTICAL_KINDS = ("laser", "infrared", "tof", "optical", "lidar")
 BAND_DEG = 10.0
 LEAST_ECHOES = 20
 BELONGS_M = 0.10
@@ -28,17 +30,24 @@ class IncidenceError:
 
 
 def errors_by_incidence(
-    readings: Readings, mesh: tuple[FloatArray, IntArray], lag_s: float = 0.0
+    readings: Readings, mesh: tuple[FloatArray, IntArray], lag_s: float = 0.0, beams: bool = False
 ) -> tuple[IncidenceError, ...]:
     """Errors of the echoes that point at a mesh (world frame), with the poses of t + lag, in bands of 10 degrees.
 
-    With a lag other than 0 the offset that all ranges share (their median error) is taken out too.
+    With a lag other than 0 the offset that all ranges share (their median error) is taken out too. With `beams` the
+    range of an optical sensor is compared with the mean over its beam instead of the distance along its axis.
     """
     rows = np.flatnonzero((readings.status == int(Status.OK)) & np.isfinite(readings.range_m))
     place, axis = (values[rows] for values in moved_poses(readings, lag_s))
     caster = RayCaster(*mesh)
-    error = readings.range_m[rows] - caster.ranges(place, axis)
-    belongs = np.isfinite(error) & (np.abs(error) <= BELONGS_M)
+    along = caster.ranges(place, axis)
+    expected = _expected(readings, rows, caster, place, axis, along) if beams else along
+    with np.errstate(invalid="ignore"):
+        error = readings.range_m[rows] - expected
+    # The same echoes count with and without the beam: those whose axis meets the mesh.
+    belongs = np.isfinite(along) & (
+        np.abs(readings.range_m[rows] - np.where(np.isfinite(along), along, 0.0)) <= BELONGS_M
+    )
     if not np.any(belongs):
         return ()
     error = error[belongs] - (float(np.median(error[belongs])) if lag_s != 0.0 else 0.0)
@@ -51,6 +60,18 @@ def errors_by_incidence(
             scatter = 1.4826 * float(np.median(np.abs(here - middle)))
             found.append(IncidenceError(float(low), float(low + BAND_DEG), len(here), middle, scatter))
     return tuple(found)
+
+
+def _expected(
+    readings: Readings, rows: IntArray, caster: RayCaster, place: FloatArray, axis: FloatArray, along_m: FloatArray
+) -> FloatArray:
+    """What each echo should read: the mean over the beam of an optical sensor, else the distance along the axis."""
+    specs, sensor = readings.specs, readings.sensor[rows]
+    optical = np.array([spec.kind.lower() in OPTICAL_KINDS for spec in specs])[sensor] & np.isfinite(along_m)
+    half = np.array([0.5 * spec.beam_full_angle_rad for spec in specs])[sensor]
+    expected = along_m.copy()
+    expected[optical] = averaged_ranges(caster, place[optical], axis[optical], half[optical])[0]
+    return expected
 
 
 @dataclass(frozen=True)
