@@ -12,6 +12,7 @@ from surfuse.node.catalogue import Catalogue, Rejection
 from surfuse.node.counters import Event, Tally
 from surfuse.node.exchange import Exchange
 from surfuse.node.link import Arrival, Link
+from surfuse.node.lost_node import no_adapter, no_answer, no_heartbeat, two_nodes
 from surfuse.node.messages import (
     ALL_SENSORS,
     MAX_ATTEMPTS,
@@ -160,23 +161,14 @@ class NodeClient:
 
     def lost(self) -> DeviceError:
         """The error that says why the node cannot be used."""
-        where = f"sensor node {self._node}"
-        if self._rivals:
-            boards = ", ".join(map(str, sorted(self.watch.boards)))
-            what = f"two nodes answer under this id (boards heard: {boards})"
-            return DeviceError(what, cure="give each node an id of its own", where=where)
         counts = self._tally.snapshot()
+        if self._rivals:
+            return two_nodes(self._node, self.watch.boards)
         if self._deaf_since_s is not None:
-            what = (
-                f"the CAN adapter takes no frames ({counts.send_errors} not sent, opened anew {counts.reopened} times)"
-            )
-            return DeviceError(what, cure="plug it in again; see `surfuse devices`", where=where)
-        what = (
-            f"no trustworthy answer ({counts.frames} frames received, {counts.unanswered} triggers unanswered, "
-            f"{counts.refused} sensors refused, {counts.conflicts} conflicts, {counts.restarts} restarts, "
-            f"{counts.receive_errors} receive errors)"
-        )
-        return DeviceError(what, cure="check power, wiring, bitrate and id; see `surfuse devices`", where=where)
+            return no_adapter(self._node, counts)
+        if self.watch.last_heartbeat is None:
+            return no_heartbeat(self._node, counts, self._patience.connect_timeout_s)
+        return no_answer(self._node, counts)
 
     def _begin(self) -> Exchange:
         if self._current is not None:
