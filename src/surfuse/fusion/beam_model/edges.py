@@ -17,6 +17,8 @@ MOST_PIECES = 6
 ROUNDS = 12
 MOST_MERGES = 24
 REACH = (1, 2, 4)
+# The readings at an edge share the errors of the model: so many units of evidence are worth one.
+EDGE_TEMPER = 4.0
 
 
 def grown(
@@ -97,7 +99,7 @@ def settle(
 def rivals(p: Problem, height: FloatArray, stiffness: Stiffness, crease_m: float) -> tuple[FloatArray, FloatArray]:
     """Second surface beside each edge (R, C; nan: none) and its probability, cell by cell.
 
-    The cell is put on the piece across the edge; the change of the objective gives the odds of the two.
+    The cell is put on the piece across the edge; the change of the objective, tempered, gives the odds of the two.
     """
     r = p.raster
     number = pieces(height, r.domain, r.g_m, 2.0 * crease_m)
@@ -114,7 +116,7 @@ def rivals(p: Problem, height: FloatArray, stiffness: Stiffness, crease_m: float
         only = (middle[:, 0] - u) ** 2 + (middle[:, 1] - v) ** 2 < near_m**2
         there = misfit(p, arrivals(p, trial, crease_m, only), 0.0)
         change = float(np.sum((there - cost)[only])) + p.plate.energy(trial, stiffness) - energy
-        second[j, i], weight[j, i] = other, 1.0 / (1.0 + np.exp(np.clip(change, -30.0, 30.0)))
+        second[j, i], weight[j, i] = other, 1.0 / (1.0 + np.exp(np.clip(change / EDGE_TEMPER, -30.0, 30.0)))
     return second, weight
 
 

@@ -63,8 +63,11 @@ def sheet_of(p: Problem, solution: Solution, doubt_m: FloatArray | None = None) 
     su, sv, _, _, _ = slopes(solution.height_m, p.raster.domain, p.raster.g_m, solution.crease_m)
     rest = layers(p, solution, doubt_m)
     second, weight = rivals(p, solution.height_m, solution.stiffness, solution.crease_m)
+    # The cell may belong to the other surface: the error would then be the whole step.
+    across = np.where(np.isfinite(second), weight * (second - solution.height_m) ** 2, 0.0)
+    sigma = np.sqrt(rest.sigma_m**2 + across)
     return Sheet(
-        p.raster, solution.height_m, su, sv, rest.sigma_m, rest.confidence, rest.count, rest.regime, p.raster.domain,
+        p.raster, solution.height_m, su, sv, sigma, rest.confidence, rest.count, rest.regime, p.raster.domain,
         second, weight,
     )  # fmt: skip
 
