@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from surfuse.cli import main
+from surfuse.errors import DataError
 from surfuse.geometry.polygons import is_simple, signed_area
+from surfuse.pipeline.picture_outline import _corners as corners_of
 
 IMAGES = Path(__file__).parents[1] / "data" / "images"
 
@@ -264,3 +266,11 @@ def test_console_script(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert (tmp_path / "o.png").exists()
+
+
+def test_ring_that_crosses_itself_for_good_is_one_clear_error(tmp_path):
+    # A ribbon drawn as a long figure of eight: without its loops there is hardly anything left of it.
+    t = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
+    eight = np.column_stack([200.0 + 150.0 * np.sin(t), 100.0 + 60.0 * np.sin(2.0 * t)])
+    with pytest.raises(DataError, match="crosses itself"):
+        corners_of(eight, 1.0)
