@@ -145,7 +145,7 @@ def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Cloc
         own.law,
         within_tool_speed(planner, model.kinematics, own.tool_speed_max_m_s),
         start_rad=model.ready_rad,
-        parameters=trident.Parameters(rest_s=own.settle_s),
+        parameters=trident.Parameters(np.radians(own.settle_deg), rest_s=own.settle_s),
         fixture_kg=own.fixture_kg,
         guard=guard,
     )

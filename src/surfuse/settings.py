@@ -78,6 +78,9 @@ class ArmSettings(Section):
     joint_speed_deg_s: float = Field(60.0, gt=0.0, le=1000.0, description="of every joint of an arm file")
     joint_acceleration_deg_s2: float = Field(120.0, gt=0.0, le=10000.0, description="of every joint of an arm file")
     speed_share: float = Field(1.0, gt=0.0, le=1.0, description="share of the joint speeds and accelerations")
+    settle_deg: float = Field(
+        0.0115, gt=0.0, le=5.0, description="behind the servo cards: a joint nearer to its target than this has arrived"
+    )
     settle_s: float = Field(0.15, ge=0.0, le=10.0, description="rest after each move, before the array fires")
     repeatability_mm: float = Field(0.1, ge=0.0, le=10.0, description="repeatability at the tool")
     clearance_m: float = Field(0.005, ge=0.0, le=0.5, description="least distance of arm and tubes to table and part")

@@ -151,3 +151,17 @@ def test_the_kinematic_arm_gives_almost_the_same_map(unbroken: Path, tmp_path: P
     one, other = nc.read(unbroken / "surface.nc"), nc.read(run / "surface.nc")
     assert not np.array_equal(one.height_m, other.height_m)
     assert np.nanmax(np.abs(one.height_m - other.height_m)) < 2e-3
+
+
+def test_a_law_that_friction_keeps_from_arriving_says_so_and_scans_with_a_wider_tolerance(tmp_path: Path) -> None:
+    weak = {"law": "gravity_pd"}
+    settings = SETTINGS.model_copy(update={"arm": SETTINGS.arm.model_copy(update=weak)})
+    with pytest.raises(
+        DeviceError, match=r"joint \d is still 0\.\d+ deg from its target after 3 s, at most 0\.011 deg"
+    ):
+        acquisition.acquire(settings, tmp_path / "refused", SilentWatcher())
+    wider = SETTINGS.model_copy(update={"arm": SETTINGS.arm.model_copy(update={**weak, "settle_deg": 1.0})})
+    outcome = acquisition.acquire(wider, tmp_path / "run", SilentWatcher())
+    assert outcome.complete
+    assert isinstance(rmse_mm := outcome.summary["rmse_mm"], float)
+    assert rmse_mm < 1.0

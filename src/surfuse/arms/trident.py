@@ -251,7 +251,7 @@ class TridentArm:
         raise DeviceError(
             f"joint {j + 1} is still {np.degrees(off[j]):.3f} deg from its target after {wanted.settle_timeout_s:g} s, "
             f"at most {np.degrees(wanted.settle_rad):.3f} deg",
-            cure="raise settle_rad or settle_timeout_s, or take a control law that overcomes friction",
+            cure="allow more (arm.settle_deg), or take a control law that overcomes friction (arm.law)",
         )
 
     def emergency_stop(self, why: str = "emergency stop asked for by the program") -> JointState:
