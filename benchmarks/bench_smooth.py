@@ -45,11 +45,11 @@ def measured(scene: str, how: tuple[str, ...], seed: int) -> tuple[float, float,
     return robot_s, float(times.max() - times.min()), errors
 
 
-def main(seeds: int, driver: str, smooth: list[str]) -> None:
+def main(scenes: list[str], seeds: int, driver: str, smooth: list[str]) -> None:
     """The table."""
     ways = {"stops": ("scan.mode=stops",), "smooth": ("scan.mode=smooth", *smooth)}
     print("scene    way     robot s   scan s   " + "   ".join(f"{name} RMSE mm" for name in METHODS))
-    for scene in SCENES:
+    for scene in scenes:
         rows = {}
         for way, how in ways.items():
             found = [measured(scene, (*how, f"arm.driver={driver}"), seed) for seed in range(1, seeds + 1)]
@@ -67,8 +67,9 @@ def line(scene: str, way: str, numbers: list[float]) -> str:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scenes", nargs="*", default=list(SCENES), help="flat, tilted, relief")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--driver", default="trident", choices=("trident", "kinematic"))
     parser.add_argument("--set", dest="smooth", action="append", default=[], help="settings of the smooth pass")
     chosen = parser.parse_args()
-    main(chosen.seeds, chosen.driver, chosen.smooth)
+    main(chosen.scenes, chosen.seeds, chosen.driver, chosen.smooth)

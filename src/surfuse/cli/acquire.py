@@ -17,7 +17,7 @@ Examples:
     surfuse acquire part.stl --set scene.scale=0.001 --set scene.yaw_deg=20
     surfuse acquire flat --method median --json
     surfuse acquire flat --arm-driver kinematic    (no servo cards, no dynamics: faster)
-    surfuse acquire flat --smooth    (readings on the fly: an eighth of the robot time)
+    surfuse acquire flat --smooth    (readings on the fly: a fifth of the robot time)
     surfuse acquire flat --arm my_arm.urdf --tool flange
     surfuse acquire relief --node udp    (against `surfuse node` in another terminal)
 """
