@@ -140,8 +140,10 @@ def grid_points(points: FusedPoints, grid: MapGrid, method: str, outline: Outlin
 
     `points.point_m` are in the part frame of the grid.
     """
-    valid = np.flatnonzero((points.gap == Gap.NONE) & np.all(np.isfinite(points.point_m), axis=1))
-    u, v, w = points.point_m[valid].T
+    # A sum of three is finite when all of them are; three columns are quicker than rows of three.
+    place = points.point_m.T
+    valid = np.flatnonzero((points.gap == Gap.NONE) & np.isfinite(place[0] + place[1] + place[2]))
+    u, v, w = (column[valid] for column in place)
     sigma = points.sigma_m[valid]
     if not np.all(sigma > 0.0):
         raise DataError(f"method '{method}' gave a fused value the standard deviation {float(np.min(sigma))}")
@@ -157,7 +159,8 @@ def grid_points(points: FusedPoints, grid: MapGrid, method: str, outline: Outlin
         sums = np.bincount(cell, weights=values, minlength=grid.shape[0] * grid.shape[1])
         return sums.astype(np.float64, copy=False)
 
-    number, total = summed(np.ones(len(cell))), summed(weight)
+    number = np.bincount(cell, minlength=grid.shape[0] * grid.shape[1]).astype(np.float64)
+    total = summed(weight)
     mask = number > 0
     height = _ratio(summed(weight * w), total)
     scatter = _ratio(summed(weight * (w - height[cell]) ** 2), number - 1.0)
