@@ -76,7 +76,7 @@ BAD = {
     "unknown sensor": (cell("sensor", 8, "us9"), [":8:sensor", "'us9'", "did you mean 'us"]),
     "no rows": (lambda rows: rows[:1], ["no readings"]),
     "nothing": (lambda rows: [], ["empty"]),
-    "no echo at all": (without_echo, ["none of the 120 readings is an echo", "120 without echo"]),
+    "no echo at all": (without_echo, ["readings is an echo (", " without echo, 0 too close, 0 faulty"]),
     "nan pose": (cell("py", 5, "nan"), [":5:py", "nan"]),
     "infinite time": (cell("t", 5, "inf"), [":5:t", "inf"]),
     "negative range": (cell("range_m", 4, "-0.2"), [":4:range_m", "-0.2"]),
