@@ -23,7 +23,7 @@ from surfuse.geometry.polygons import signed_distance
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.pipeline.locating import finder
 from surfuse.plan.front_view import front_view
-from surfuse.plan.margin import margin_for
+from surfuse.plan.margin import margin_for, scan_area
 from surfuse.records import CameraFrame, FloatArray, Outline
 from surfuse.report.line_charts import Chart, Series, picture
 from surfuse.settings import from_tree
@@ -55,6 +55,7 @@ class Row:
     needed_as_seen: float
     needed: float
     margin: float
+    planned: float
     sigma_max: float
     sigma_mean: float
 
@@ -99,7 +100,7 @@ def _random_part(g: np.random.Generator, seed: int) -> tuple[Body, Row]:
     lean = g.uniform(-0.05, 0.25) if shape in ("block", "L", "wedge") and depth < 0.05 else 0.0
     radius = g.uniform(0.98, 1.12)
     part = standing(solid(shape, width, depth, height), Material.PART, g.uniform(-2.5, 2.5), radius, 1.0, yaw, lean)
-    return part, Row(seed, shape, width, depth, height, yaw, lean, False, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return part, Row(seed, shape, width, depth, height, yaw, lean, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def outlined(part: Body, seed: int) -> tuple[Outline, bool] | None:
@@ -151,6 +152,7 @@ def measured(seed: int) -> Row | None:
         "needed_as_seen": needed_margin(outline, outline.vertices_m, part),
         "needed": needed_margin(outline, front_view(outline).vertices_m, part),
         "margin": margin_for(outline),
+        "planned": scan_area(outline, SETTINGS.step_m).margin_m,
         "sigma_max": float(outline.sigma_m.max()),
         "sigma_mean": float(outline.sigma_m.mean()),
     }
@@ -207,6 +209,9 @@ def main() -> None:
     print(f"margin, mm: {percentiles(margin)}")
     print(f"margin beyond the need, mm: {percentiles(margin - needed)}")
     print(f"true outline inside the enlarged one: {100.0 * np.mean(needed <= margin):.1f} %")
+    planned = np.array([r.planned for r in seen])
+    print(f"margin of the plan at a step of {1e3 * SETTINGS.step_m:g} mm, with its run-in, mm: {percentiles(planned)}")
+    print(f"true outline inside the plan's outline: {100.0 * np.mean(needed <= planned):.1f} %")
     flat = float(np.quantile(needed, 0.99))
     print(f"one margin that holds 99 %: {1e3 * flat:.1f} mm; mean of the margins {1e3 * margin.mean():.1f} mm")
 
