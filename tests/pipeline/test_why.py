@@ -124,3 +124,14 @@ def test_negative_coordinates_are_coordinates_on_the_command_line(plate: Callabl
     result = CliRunner().invoke(app, [str(run), "-20", "40", "--json"])
     assert result.exit_code == 0
     assert json.loads(result.stdout)["u_mm"] == pytest.approx(-20.0)
+
+
+@pytest.mark.parametrize(("method", "within_mm"), [("own_axis_median", 0.5), ("beam", 0.5)])
+def test_the_beams_over_a_cell_fused_alone_give_it_back(
+    plate: Callable[..., Path], method: str, within_mm: float
+) -> None:
+    run = run_of(plate(tilt_deg=4.0), method)
+    for u, v in CELLS[1:3]:
+        told = why(run, u, v).summary
+        assert told["rule"] == "all readings"
+        assert told["recomputed_mm"] == pytest.approx(told["height_mm"], abs=within_mm)

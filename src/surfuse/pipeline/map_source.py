@@ -10,21 +10,24 @@ import numpy as np
 from surfuse.errors import DataError
 from surfuse.exporters import nc
 from surfuse.pipeline.map_files import map_path, read_map
-from surfuse.records import FusedPoints, Readings, SurfaceMap
+from surfuse.records import FusedPoints, FusionScene, Readings, SurfaceMap
 from surfuse.runs.configuration import read_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_files import segment_paths
 from surfuse.runs.scan_source import load_scan
+from surfuse.settings import FusionSettings
 
 
 @dataclass(frozen=True)
 class MapSource:
-    """A map, its fused points, the readings behind them, and where these were read from."""
+    """A map, its fused points, the readings behind them, where these were read from, and what fusion knew before."""
 
     surface: SurfaceMap
     points: FusedPoints
     readings: Readings
     log: Path
+    scene: FusionScene
+    fusion: FusionSettings
 
 
 def source_of(path: Path, log: Path | None = None) -> MapSource:
@@ -41,7 +44,8 @@ def source_of(path: Path, log: Path | None = None) -> MapSource:
     if points is None:
         raise DataError("the map keeps no fused points", where=str(file), cure="give the surface.nc of a run")
     found = log if log is not None else _log_of(RunFolder(file.parent), file)
-    readings = load_scan(found).readings
+    scan = load_scan(found)
+    readings = scan.readings
     same = (
         readings.n_sweeps == len(points)
         and np.array_equal(readings.start, points.start)
@@ -54,7 +58,15 @@ def source_of(path: Path, log: Path | None = None) -> MapSource:
             where=str(found),
             cure="give the log that the map was made from with --log, or fuse again",
         )
-    return MapSource(surface, points, readings, found)
+    return MapSource(surface, points, readings, found, scan.scene(), _fusion_of(RunFolder(file.parent)))
+
+
+def _fusion_of(run: RunFolder) -> FusionSettings:
+    """The parameters of the methods that the run was made with; the defaults for a map without a run.toml."""
+    if not run.configuration.is_file():
+        return FusionSettings()
+    tables, _ = read_configuration(run.configuration)
+    return FusionSettings.model_validate(tables.get("fusion", {}))
 
 
 def _log_of(run: RunFolder, file: Path) -> Path:

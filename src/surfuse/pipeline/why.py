@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
@@ -16,6 +17,7 @@ from surfuse.pipeline.evidence_records import (
 )
 from surfuse.pipeline.map_source import MapSource, source_of
 from surfuse.pipeline.outcome import Outcome
+from surfuse.pipeline.refusing import refused_height_mm
 from surfuse.records import Regime
 
 SHOWN = 12
@@ -48,6 +50,10 @@ def why(path: Path, u_mm: float, v_mm: float, log: Path | None = None) -> Outcom
     else:
         summary["readings"] = [asdict(reading) for reading in readings]
         rows.append(("made of", f"all readings at once; {len(readings)} beams cover the cell, the nearest to it first"))
+        again = refused_height_mm(source, found)
+        summary["recomputed_mm"] = again
+        alone = f"fused alone they give {again:.3f} mm" if math.isfinite(again) else "fused alone they give it no value"
+        rows.append(("again", alone))
         rows += [_beam_row(reading) for reading in readings[:SHOWN]]
     rows += [(f"{count} reading(s)", verdict) for verdict, count in refused.most_common()]
     return Outcome(summary, rows)
