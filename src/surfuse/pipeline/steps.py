@@ -59,14 +59,18 @@ def plan_for(cell: Cell, settings: Settings, outline: Outline, watcher: Watcher)
 
 def _how_to_move(plan: ScanPlan, cell: Cell, settings: Settings) -> str:
     """Where the arm would reach the whole part; empty where no such place is near."""
-    shift_m = way_to_move(plan, cell.arm.kinematics)
-    if shift_m is None:
-        return ""
-    direction = "towards the arm" if shift_m < 0.0 else "away from the arm"
-    return (
-        f"move the part {1e3 * abs(shift_m):.0f} mm {direction} (scene.radius_m = "
-        f"{settings.scene.radius_m + shift_m:.2f}), or change scan.standoff_m"
+    here, limits = cell.arm.joint_state().position_rad, ReachParameters(clearance_min_m=settings.arm.clearance_m)
+    move = way_to_move(
+        plan, cell.arm.kinematics, here, lambda outline: cell.clearance(_obstacles(settings, outline)), limits
     )
+    if move is None:
+        return ""
+    scene, keys = settings.scene, []
+    if move.shift_m:
+        keys.append(f"scene.radius_m = {scene.radius_m + move.shift_m:.2f}")
+    if move.turn_rad:
+        keys.append(f"scene.yaw_deg = {scene.yaw_deg + np.degrees(move.turn_rad):.0f}")
+    return f"{move.describe()} ({', '.join(keys)}), or change scan.standoff_m"
 
 
 def _obstacles(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]:
