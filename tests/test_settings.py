@@ -47,7 +47,19 @@ def test_the_step_is_a_fifth_of_the_sensor_spacing_unless_it_is_set():
 def test_every_number_says_its_unit_or_is_a_count_or_a_share():
     units = ("_m", "_mm", "_kg", "_deg", "_deg_s", "_deg_s2", "_s", "_hz", "_px", "_c", "_bps", "_percent", "_share")
     units += ("_levels",)
-    bare = {"seed", "scale", "roughness", "pings", "cycles", "gain", "distortion", "port", "node", "tether_port"}
+    bare = {
+        "seed",
+        "part",
+        "scale",
+        "roughness",
+        "pings",
+        "cycles",
+        "gain",
+        "distortion",
+        "port",
+        "node",
+        "tether_port",
+    }
     for path, field in sections():
         if field.annotation in (float, int, float | None, int | None):
             assert path[-1].endswith(units) or path[-1] in bare, ".".join(path)
