@@ -45,14 +45,14 @@ def test_the_configuration_of_a_run_is_whole(flat_run):
     assert tables["run"]["surfuse"] == __version__
     assert tables["run"]["seed"] == 1
     assert tables["run"]["packages"]["numpy"] == np.__version__
-    assert tables["scan"] == {"standoff_m": 0.43, "margin_m": 0.02, "step_m": 0.04}
+    assert tables["scan"] == {"standoff_m": 0.43, "step_m": 0.04, "mode": "stops", "pings": 1}
     assert tables["scene"]["name"] == "flat"
 
 
 def test_the_summary_of_a_run_is_strict_json(flat_run):
     data = json.loads((flat_run / "summary.json").read_text("utf-8"), parse_constant=lambda name: pytest.fail(name))
     assert data["complete"] is True
-    assert data["stops"] == data["stops_planned"] == 30
+    assert data["stops"] == data["stops_planned"] == 32
     assert data["rmse_mm"] < 2.0
 
 
@@ -168,7 +168,7 @@ def test_resume_writes_what_a_complete_scan_lacks(command, own, map_bits):
 def test_evaluate_against_mesh_map_and_run(command, flat_run, fused):
     by_mesh = command("evaluate", flat_run, "--truth", flat_run / "truth.ply", "--json").json
     summary = json.loads((flat_run / "summary.json").read_text())
-    assert {key: by_mesh[key] for key in SCORE} == pytest.approx({key: summary[key] for key in SCORE}, rel=1e-4)
+    assert {key: by_mesh[key] for key in SCORE} == pytest.approx({key: summary[key] for key in SCORE}, rel=1e-3)
     itself = command("evaluate", flat_run / "surface.nc", "--truth", flat_run, "--json").json
     assert (itself["rmse_mm"], itself["coverage"]) == (0.0, 1.0)
     assert command("evaluate", fused, "--truth", flat_run, "--json").json["rmse_mm"] > 0.0
