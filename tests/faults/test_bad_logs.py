@@ -141,7 +141,7 @@ def test_side_files_that_are_none(command, sound, tmp_path):
     (tmp_path / "odd.toml").write_text("[us0]\nkind = 'ultrasonic'\nbeam_angle = 22\n")
     command("fuse", sound, "--sensors", tmp_path / "empty.toml").error(3, "empty.toml", "no sensor")
     command("fuse", sound, "--sensors", tmp_path / "odd.toml").error(3, "odd.toml", "beam_full_angle_deg")
-    command("fuse", sound, "--sensors", tmp_path / "missing.toml").error(6, "missing.toml")
+    command("fuse", sound, "--sensors", tmp_path / "missing.toml").error(3, "missing.toml", "no such file")
     command("fuse", sound, "--frame", sound.with_name("sensors.toml")).error(3, "sensors.toml", "origin, u, v")
     command("fuse", sound, "--outline", sound).error(3, "readings.csv", "columns u,v")
 

@@ -47,9 +47,19 @@ def has_segments(path: Path) -> bool:
 
 
 def read_whole(path: Path) -> bytes:
-    """Content of a file; what the operating system refuses becomes a StorageError."""
+    """Content of a file.
+
+    Raises
+    ------
+    DataError : there is no such file, or it is a folder.
+    StorageError : the operating system refuses to read it.
+    """
     try:
         return path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise DataError("there is no such file", where=str(path), cure="check the path") from error
+    except IsADirectoryError as error:
+        raise DataError("it is a folder", where=str(path), cure="give the path of a file") from error
     except OSError as error:
         raise StorageError(
             f"cannot read the file: {error.strerror}", where=str(path), cure="check its permissions"
