@@ -18,6 +18,7 @@ SIDEWAYS = 0.7
 LINES = 2.0
 AGREEMENT_SIGMAS = 4.0
 AGREEMENT_FLOOR_M = 0.002
+TORN_SHARE = 0.3
 # A surface steeper than this between neighbours is a step, not a slope.
 STEEPEST = 1.5
 
@@ -123,11 +124,14 @@ def gather(readings: Readings, scene: FusionScene) -> Stations:
     spec = kind_of[sensor]
     group = _groups(position, axis, spec)
     agrees, size, median = _agreement(group, range_m, sigma)
-    # Where the median has no follower (two that disagree, or two against two), nobody is believed more: all stay, as
-    # places of their own.
+    # Where only two meet and disagree, neither is believed more: both stay, as places of their own. So do all at a
+    # place where the median has no follower (two against two), when that is no accident but the rule.
     followers = np.bincount(group, weights=agrees, minlength=len(size))
-    pair = (followers[group] == 0) & (size[group] > 1)
-    sigma = np.where(pair, np.maximum(sigma, np.abs(range_m - median)), sigma)
+    torn = (followers[group] == 0) & (size[group] >= 3)
+    if np.count_nonzero(torn) <= TORN_SHARE * np.count_nonzero(size[group] >= 3):
+        torn[:] = False
+    sigma = np.where(torn, np.maximum(sigma, np.abs(range_m - median)), sigma)
+    pair = ((size[group] == 2) & ~agrees) | torn
     lying = _lying(sensor, agrees, (size[group] >= 3) & ~pair, len(readings.specs))
     keep = (agrees | pair) & ~lying[sensor]
     group = np.where(pair, group.max(initial=0) + 1 + np.arange(len(group)), group)
