@@ -19,7 +19,7 @@ from surfuse.pipeline.map_of_result import surface_of
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, Watcher
 from surfuse.pipeline.reporting import write_report
-from surfuse.records import FusionResult, Gap, MapGrid, Regime, SurfaceMap, in_words
+from surfuse.records import FusionResult, Gap, MapGrid, Regime, Status, SurfaceMap, in_words
 from surfuse.runs.configuration import write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import ScanLog, require_echoes
@@ -98,11 +98,18 @@ def fused(scan: ScanLog, method: FusionMethod, grid: MapGrid) -> tuple[FusionRes
 
 
 def grid_of(scan: ScanLog) -> MapGrid:
-    """The grid on which the scan's stops lie, in its part frame."""
+    """The grid of the places on the part that the scan's stops look at, in its part frame.
+
+    A wrist turned by 30 degrees stands a quarter of a metre beside what it looks at: the stops are followed along the
+    grip axis by the median range.
+    """
     if scan.targets_uv_m is not None:
         return lattice(scan.targets_uv_m, scan.world_from_part)
-    stops = transform_points(inverse(scan.world_from_part), scan.readings.world_from_grip[:, :3, 3])
-    return lattice(stops[:, :2], scan.world_from_part)
+    readings = scan.readings
+    heard = readings.range_m[(readings.status == int(Status.OK)) & np.isfinite(readings.range_m)]
+    typical = float(np.median(heard)) if len(heard) else 0.0
+    seen = readings.world_from_grip[:, :3, 3] + typical * readings.world_from_grip[:, :3, 2]
+    return lattice(transform_points(inverse(scan.world_from_part), seen)[:, :2], scan.world_from_part)
 
 
 def opened(
