@@ -222,6 +222,45 @@ def show(results: list[Result]) -> None:
         print(f"{what:42s} {value:8.2f}   must {must:>5s}   stretch {stretch:>5s}")
 
 
+def picture(path: Path, names: tuple[str, ...], keep: Path | None, held_out: bool) -> None:
+    """Cuts through maps of both methods with the band of 90 %, one panel a scene (tube, low noise, optics)."""
+    import matplotlib
+
+    matplotlib.use("svg")
+    matplotlib.rcParams["svg.hashsalt"] = "surfuse"
+    from matplotlib import pyplot
+
+    figure, panels = pyplot.subplots(2, (len(names) + 1) // 2, figsize=(11, 6), layout="constrained")
+    parts = {scene.name: scene for scene in scenes(held_out)}
+    for axes, name in zip(panels.ravel(), names, strict=True):
+        scene = parts[name]
+        log = scan(scene, "optics", "tube", "low", SEEDS["held-out" if held_out else "development"][0], keep)
+        settings, grid = load(None, ()), grid_of(log)
+        ours, theirs = (fused(log, create_method(settings.fusion, m), grid)[1] for m in ("beam", "weighted_average"))
+        along_v = bool(np.ptp(scene.height(0.0 * LINE, LINE)) > np.ptp(scene.height(LINE, 0.0 * LINE)))
+        position = 1e3 * (grid.v_m if along_v else grid.u_m)
+        at = (slice(None), len(grid.u_m) // 2) if along_v else (len(grid.v_m) // 2, slice(None))
+        fine = np.linspace(position[0], position[-1], 800) * 1e-3
+        zero = np.zeros_like(fine)
+        u, v = (zero, fine) if along_v else (fine, zero)
+        true = np.where(scene.within(u, v), scene.height(u, v), np.nan)
+        height, sigma = 1e3 * ours.height_m[at], 1e3 * Z90 * ours.sigma_m[at]
+        axes.fill_between(position, height - sigma, height + sigma, color="#4a90d9", alpha=0.3, linewidth=0)
+        axes.plot(1e3 * fine, 1e3 * true, color="black", linewidth=1.0, label="truth")
+        axes.plot(position, 1e3 * theirs.height_m[at], color="#d95f02", marker=".", label="weighted_average")
+        axes.plot(position, height, color="#1b5fa8", marker=".", label="beam, 90 %")
+        axes.set(title=name, xlabel=f"{'v' if along_v else 'u'} (mm)", ylabel="w (mm)")
+        shown = 1e3 * true[np.isfinite(true)]
+        margin = 0.25 * (np.ptp(shown) + 20.0)
+        axes.set_ylim(shown.min() - margin, shown.max() + margin)
+    panels.ravel()[0].legend(fontsize="small")
+    figure.savefig(path, metadata={"Date": None})
+
+
+LINE = np.linspace(-0.08, 0.08, 161)
+PICTURED = ("relief", "plate 20 deg", "sphere 45 cm", "waves 5 mm, 14 cm", "terraces 2.5 cm", "groove 9 cm")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--set", choices=SEEDS, default="development")
@@ -231,10 +270,14 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--foreign", type=Path, help="folder of scans by another simulator")
     parser.add_argument("--keep", type=Path, help="folder in which echoes are kept for the next time")
+    parser.add_argument("--picture", type=Path, help="draw cuts through a few held-out parts, and nothing else")
     parser.add_argument("--out", type=Path, help="write the results as JSON")
     given = parser.parse_args()
     seeds = SEEDS[given.set][: 3 if given.full else 1]
     todo = jobs(given.set == "held-out", given.maker, given.full, given.only, seeds, given.keep)
+    if given.picture:
+        picture(given.picture, PICTURED, given.keep, held_out=True)
+        return
     if given.foreign:
         results = foreign(given.foreign)
     elif given.jobs > 1:
