@@ -17,6 +17,7 @@ from surfuse.pipeline.locating import locate
 from surfuse.pipeline.methods import create_method
 from surfuse.pipeline.outcome import Outcome, SilentWatcher
 from surfuse.pipeline.steps import plan_for, scene_of
+from surfuse.pipeline.warm_up import compile_fusion
 from surfuse.records import Outline, ScanPlan, Status
 from surfuse.surface.gridding import lattice
 from surfuse.twin import build_cell
@@ -91,7 +92,8 @@ def _reach(built: Cell, chosen: settings.Settings) -> list[Check]:
 
 
 def _fusion(built: Cell, chosen: settings.Settings, outline: Outline, plan: ScanPlan) -> list[Check]:
-    """One sweep of the array, through the whole fusion: this also compiles all that a scan needs, once."""
+    """One sweep of the array, through the whole fusion; all that a scan and its report need is compiled, once."""
+    compile_fusion(chosen.fusion.method)
     built.arm.move_to(plan.joints_rad[len(plan) // 2])
     sweep = take_sweep(0, 0, built.arm.joint_state(), built.arm.kinematics, built.array)
     method = create_method(chosen.fusion)

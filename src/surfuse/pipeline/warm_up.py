@@ -86,10 +86,10 @@ def small_scan() -> tuple[FusionScene, Readings, MapGrid]:
     return FusionScene(specs, np.eye(4), outline), readings, MapGrid(nodes, nodes, np.eye(4))
 
 
-def main() -> None:
-    """Fuse the small scan with the method named on the command line, and with the paper's, which the report shows."""
+def compile_fusion(name: str) -> None:
+    """Fuse the small scan with the method of that name, and with the paper's, which the report shows."""
     scene, readings, grid = small_scan()
-    method = create_method(FusionSettings(), sys.argv[1])
+    method = create_method(FusionSettings(), name)
     state = method.start(scene)
     method.step(state, readings.sweep(0))
     method.replay(scene, readings, grid)
@@ -97,4 +97,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    compile_fusion(sys.argv[1])
