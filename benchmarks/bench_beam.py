@@ -9,8 +9,8 @@ physical simulators (docs/explanations/beam.md).
 
 from __future__ import annotations
 
+import argparse
 import resource
-import sys
 import time
 
 import numpy as np
@@ -53,7 +53,9 @@ def scan(count: int) -> tuple[FusionScene, Readings, MapGrid]:
 
 
 def main() -> None:
-    counts = [int(float(text)) for text in sys.argv[1:]] or [2_500, 10_000, 100_000, 300_000]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("readings", nargs="*", type=int, default=[2_500, 10_000, 100_000, 300_000])
+    counts = parser.parse_args().readings
     method = beam.create(beam.Parameters())
     scene, readings, grid = scan(2_500)
     method.replay(scene, readings, grid)
