@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from contextlib import ExitStack
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
-from surfuse.interfaces import Clock, Device, RangeArray, RangeSensor
+from surfuse.interfaces import Clock, Device, OpenedTogether, RangeSensor
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import BusCounters, Tally
 from surfuse.node.firmware import Node
@@ -29,13 +27,6 @@ _LOST_SWEEPS = 1
 _numbers = itertools.count(1)
 
 
-class CountedArray(RangeArray, Protocol):
-    """An array that counts what happens on its bus."""
-
-    @property
-    def counters(self) -> BusCounters: ...
-
-
 class Tether(Device, Protocol):
     """What tells a simulated node in another process where the arm truly is."""
 
@@ -43,23 +34,12 @@ class Tether(Device, Protocol):
         """Send the stop and the arm's place now; return when the node has taken them in."""
 
 
-class ArrayInProcess:
-    """The sensors of a fixture behind a node on the virtual bus of this process; see `in_process`."""
+class _ArrayOnBus(OpenedTogether):
+    """An array behind a node, with what has to be open for it."""
 
-    def __init__(self, node: Node, array: CanArray) -> None:
-        self._node, self._array, self._open = node, array, ExitStack()
-
-    def __enter__(self) -> Self:
-        with ExitStack() as opening:
-            opening.enter_context(self._node)
-            opening.enter_context(self._array)
-            self._open = opening.pop_all()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._open.__exit__(kind, error, trace)
+    def __init__(self, array: CanArray, *parts: Device) -> None:
+        super().__init__(*parts)
+        self._array = array
 
     @property
     def fixture(self) -> Fixture:
@@ -70,41 +50,25 @@ class ArrayInProcess:
     def counters(self) -> BusCounters:
         """What happened on the bus so far."""
         return self._array.counters
+
+
+class ArrayInProcess(_ArrayOnBus):
+    """The sensors of a fixture behind a node on the virtual bus of this process; see `in_process`."""
+
+    def __init__(self, node: Node, array: CanArray) -> None:
+        super().__init__(array, node, array)
 
     def sweep(self) -> tuple[Echo, ...]:
         """One answer a sensor, in the order of the fixture."""
         return self._array.sweep()
 
 
-class ArrayElsewhere:
+class ArrayElsewhere(_ArrayOnBus):
     """The sensors of a fixture behind a node in another process; see `elsewhere`."""
 
     def __init__(self, array: CanArray, tether: Tether | None, clock: Clock, sweep_s: float) -> None:
-        self._array, self._tether, self._clock, self._open = array, tether, clock, ExitStack()
-        self._sweep_s = sweep_s
-
-    def __enter__(self) -> Self:
-        with ExitStack() as opening:
-            opening.enter_context(self._array)
-            if self._tether is not None:
-                opening.enter_context(self._tether)
-            self._open = opening.pop_all()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._open.__exit__(kind, error, trace)
-
-    @property
-    def fixture(self) -> Fixture:
-        """Where the sensors sit."""
-        return self._array.fixture
-
-    @property
-    def counters(self) -> BusCounters:
-        """What happened on the bus so far."""
-        return self._array.counters
+        super().__init__(array, array, *([] if tether is None else [tether]))
+        self._tether, self._clock, self._sweep_s = tether, clock, sweep_s
 
     def sweep(self) -> tuple[Echo, ...]:
         """One answer a sensor, in the order of the fixture; simulated time goes on by their firing times.

@@ -6,6 +6,7 @@ fuse. A plug-in module offers the functions named in the last lines of each sect
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self, runtime_checkable
@@ -50,6 +51,25 @@ class AlwaysOpen:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         return None
+
+
+class OpenedTogether:
+    """Base of devices made of other devices: opened in order, all or none, and closed in reverse."""
+
+    def __init__(self, *parts: Device) -> None:
+        self._parts, self._open = parts, ExitStack()
+
+    def __enter__(self) -> Self:
+        with ExitStack() as opening:
+            for part in self._parts:
+                opening.enter_context(part)
+            self._open = opening.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.__exit__(kind, error, trace)
 
 
 class Clock(Protocol):

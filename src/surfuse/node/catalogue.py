@@ -74,7 +74,6 @@ class Catalogue:
         self._spread_none, self._spread_per_m = spread[0][1], round(_MM_PER_M / spread[1])
         self._count_max = self._count[0][1]
         self._amplitude_none, self._amplitude_per_one = echo.fields[5][1], round(1.0 / echo.scales[5])
-        self.time_max_us = echo.fields[2][1]
         self._decoders: dict[int, Callable[[int, int, tuple[int, ...]], Message | Rejection]] = {
             Function.FAULT: _fault,
             Function.TRIGGER: lambda node, _, raw: Trigger(node, *raw),

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import ExitStack
-from types import TracebackType
-from typing import Self
 
 from surfuse.errors import ConfigError
-from surfuse.interfaces import RangeSensor
+from surfuse.interfaces import OpenedTogether, RangeSensor
 from surfuse.records import Echo, Fixture
 
 
-class SequentialArray:
+class SequentialArray(OpenedTogether):
     """See `create`."""
 
     def __init__(self, fixture: Fixture, sensors: Sequence[RangeSensor]) -> None:
@@ -26,20 +23,8 @@ class SequentialArray:
                     f"sensor '{sensor.spec.name}' in place {place} of the fixture, which is for '{spec.name}'",
                     cure="give the sensors in the order of the fixture",
                 )
+        super().__init__(*sensors)
         self._fixture, self._sensors = fixture, tuple(sensors)
-        self._open = ExitStack()
-
-    def __enter__(self) -> Self:
-        with ExitStack() as opening:
-            for sensor in self._sensors:
-                opening.enter_context(sensor)
-            self._open = opening.pop_all()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._open.__exit__(kind, error, trace)
 
     @property
     def fixture(self) -> Fixture:

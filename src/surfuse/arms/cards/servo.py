@@ -29,15 +29,6 @@ _HALT_S = 0.25
 _SLOW_RAD_S = 0.02
 
 
-@dataclass(frozen=True)
-class Followed:
-    """What happened during a motion of T ticks: wanted and measured joints, torques asked for, each (T, J)."""
-
-    wanted_rad: FloatArray
-    measured_rad: FloatArray
-    torque_nm: FloatArray
-
-
 ServoMemory = tuple[tuple[FloatArray, ...], tuple[IntArray, ...]]
 """See `JointServo.memory`."""
 
@@ -259,14 +250,6 @@ class JointServo:
     def law(self) -> ControlLaw:
         """The control law."""
         return self._law
-
-    def run_recorded(self, commands: Commands) -> Followed:
-        """Follow commands as `run` does, and tell what happened."""
-        measured, torque = np.empty_like(commands.position_rad), np.empty_like(commands.position_rad)
-        for i in range(len(commands)):
-            self.tick(commands.position_rad[i], commands.velocity_rad_s[i], commands.acceleration_rad_s2[i])
-            measured[i], torque[i] = self._position, self._torque
-        return Followed(commands.position_rad, measured, torque)
 
     def tick(self, wanted_rad: FloatArray, wanted_rad_s: FloatArray, wanted_rad_s2: FloatArray) -> None:
         """One period of the servo."""
