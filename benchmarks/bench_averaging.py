@@ -23,11 +23,11 @@ from surfuse.records import FloatArray, Status
 from surfuse.report.line_charts import Chart, Series, picture
 from surfuse.runs.scan_source import load_scan
 from surfuse.sensors import polaroid
-from surfuse.world.acoustics.kit import TUBE, KitParameters
-from surfuse.world.acoustics.noise import SILENT, AcousticNoise
-from surfuse.world.acoustics.sounder import Sounder
-from surfuse.world.materials import Material
-from surfuse.world.scene import Body, Scene
+from surfuse.twin.acoustics.kit import TUBE, KitParameters
+from surfuse.twin.acoustics.noise import SILENT, AcousticNoise
+from surfuse.twin.acoustics.sounder import Sounder
+from surfuse.twin.materials import Material
+from surfuse.twin.scene import Body, Scene
 
 LOOK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 STANDOFF_M, SPAN_M, WRONG_M = 0.43, 0.08, 1e-3

@@ -17,16 +17,16 @@ import can
 import numpy as np
 
 from surfuse.interfaces import Clock
-from surfuse.node.bad_bus import BadBus, BadLink, DirectLink
+from surfuse.node.array import CanArray, Parameters
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
+from surfuse.node.disturbed_bus import BadBus, BadLink, DirectLink
 from surfuse.node.firmware import Node
 from surfuse.node.link import Arrival, BusLink, BusParameters, open_bus
 from surfuse.node.messages import Frame, Trigger
-from surfuse.node.patience import Patience
 from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.node.timeouts import Patience
 from surfuse.records import Echo, Fixture, SensorSpec, Status
-from surfuse.sensors.can_array import CanArray, Parameters
 
 SPEC = SensorSpec("stand-in", "ultrasonic", 0.3, 4.0, 0.3, 0.001)
 CATALOGUE = Catalogue()

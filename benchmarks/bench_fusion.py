@@ -13,9 +13,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from surfuse.confidence.columns import empty_points, scan_of_readings
 from surfuse.confidence.gate import limits_of
-from surfuse.confidence.sweepwise import SweepwiseFusion
+from surfuse.fusing.columns import empty_points, scan_of_readings
+from surfuse.fusing.sweepwise import SweepwiseFusion
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FusionScene, MapGrid, Outline, Readings, SensorSpec
 from surfuse.registry import load

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from surfuse.commands.fuse.fuse_log import grid_of
 from surfuse.fusion import beam
 from surfuse.interfaces import LiveMapping
-from surfuse.pipeline.replay import grid_of
 from surfuse.runs.scan_source import load_scan
 
 

@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from surfuse import registry
-from surfuse.pipeline.acquisition import acquire
-from surfuse.pipeline.method_comparison import Against, MethodResult, result_of
-from surfuse.pipeline.outcome import SilentWatcher
-from surfuse.pipeline.replay import grid_of
-from surfuse.pipeline.scoring import edge_truth, read_truth
+from surfuse.commands.acquire.acquisition import acquire
+from surfuse.commands.fuse.fuse_log import grid_of
+from surfuse.commands.judge.evaluation import edge_truth, read_truth
+from surfuse.commands.judge.method_comparison import Against, MethodResult, result_of
+from surfuse.commands.outcome import SilentWatcher
 from surfuse.records import FloatArray, SurfaceMap
 from surfuse.report.axes import drawing
 from surfuse.report.colours import CATEGORIES, colourise

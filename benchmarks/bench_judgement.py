@@ -22,13 +22,13 @@ import numpy as np
 from judged_scans import scan
 from judged_scenes import scenes
 
-from surfuse.pipeline.methods import create_method
-from surfuse.pipeline.replay import fused, grid_of
+from surfuse.commands.fuse.fuse_log import fused, grid_of
+from surfuse.commands.fuse.methods import create_method
 from surfuse.records import Regime, SurfaceMap
 from surfuse.runs.scan_source import load_scan
 from surfuse.settings import load
-from surfuse.surface.compare import edge_error, error_map, score
 from surfuse.surface.grids import refined
+from surfuse.surface.score import edge_error, error_map, score
 from surfuse.surface.truth import read_mesh, truth_around
 
 SEEDS = {"development": (1, 2, 3), "held-out": (101, 102, 103)}

@@ -14,8 +14,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from surfuse.arms.puma import volume
-from surfuse.arms.puma560 import A_M, ALPHA_RAD, D_M, FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND_HEIGHT_M, Puma560
+from surfuse.arm_models import puma560_volume as volume
+from surfuse.arm_models.puma560 import A_M, ALPHA_RAD, D_M, FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND_HEIGHT_M, Puma560
 from surfuse.geometry.poses import pose
 from surfuse.motion.body import body_of, fixture_capsules
 from surfuse.motion.clearance import ClearanceModel

@@ -16,25 +16,25 @@ from pathlib import Path
 
 import numpy as np
 
-from surfuse.cell import world_from_shoulder
+from surfuse.commands.acquire.locating import finder
 from surfuse.errors import SurfuseError
 from surfuse.geometry.mesh_files import TriangleSoup
 from surfuse.geometry.polygons import signed_distance
 from surfuse.geometry.poses import inverse, transform_points
-from surfuse.pipeline.locating import finder
 from surfuse.plan.front_view import front_view
 from surfuse.plan.margin import margin_for, scan_area
 from surfuse.records import CameraFrame, FloatArray, Outline
 from surfuse.report.line_charts import Chart, Series, picture
+from surfuse.rig.devices import world_from_shoulder
+from surfuse.rig.simulated.assembly import camera_model, camera_mount, ranger_mount, shoulder_spec
 from surfuse.settings import from_tree
-from surfuse.twin import camera_model, camera_mount, ranger_mount, shoulder_spec
+from surfuse.twin.materials import Material
+from surfuse.twin.scene import Body, Scene, build_cell
+from surfuse.twin.shapes import box, cylinder, extrusion, standing
+from surfuse.twin.world import Twin
 from surfuse.vision.distance import ShoulderRange
 from surfuse.vision.dominant_points import DominantPointParameters
 from surfuse.vision.outline import outline_part
-from surfuse.world.materials import Material
-from surfuse.world.scene import Body, Scene, build_cell
-from surfuse.world.shapes import box, cylinder, extrusion, standing
-from surfuse.world.twin import Twin
 
 SETTINGS = from_tree({})
 CAMERA, FIND = camera_model(SETTINGS), finder(SETTINGS)

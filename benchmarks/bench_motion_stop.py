@@ -11,11 +11,11 @@ import argparse
 
 import numpy as np
 
-from surfuse.arms.puma560 import FLANGE_OFFSET_M, LIMITS, Puma560
+from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, Puma560
 from surfuse.geometry.poses import pose
 from surfuse.records import FloatArray
-from surfuse.servo_twin import Unknown, build_servo_arm
-from surfuse.twin import SimulatedClock
+from surfuse.rig.simulated.assembly import SimulatedClock
+from surfuse.rig.simulated.servo_arm import Unknown, build_servo_arm
 
 KINEMATICS = Puma560(np.eye(4), pose(np.eye(3), [0.0, 0.0, 0.08 - FLANGE_OFFSET_M]))
 TOOL_SPEED_M_S = 1.0

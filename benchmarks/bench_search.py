@@ -15,16 +15,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.acquire.search import SearchParameters, SearchResult, search
-from surfuse.arms.puma560 import LIMITS
-from surfuse.cell import world_from_shoulder
-from surfuse.pipeline.locating import finder
+from surfuse.arm_models.puma560 import LIMITS
+from surfuse.commands.acquire.locating import finder
 from surfuse.records import CameraFrame
+from surfuse.rig.devices import world_from_shoulder
+from surfuse.rig.simulated.assembly import camera_model, camera_mount
 from surfuse.settings import from_tree
-from surfuse.twin import camera_model, camera_mount
-from surfuse.world.materials import Material
-from surfuse.world.optics import OpticsParameters, render
-from surfuse.world.scene import Body, Scene, build_cell
-from surfuse.world.shapes import box, cylinder, standing
+from surfuse.twin.materials import Material
+from surfuse.twin.optics import OpticsParameters, render
+from surfuse.twin.scene import Body, Scene, build_cell
+from surfuse.twin.shapes import box, cylinder, standing
 
 SETTINGS = from_tree({})
 CAMERA, FIND = camera_model(SETTINGS), finder(SETTINGS)

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from surfuse.arms.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, Puma560
+from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, Puma560
 from surfuse.geometry.poses import pose
 from surfuse.motion.planners import trapezoidal
-from surfuse.servo_twin import LAWS, Unknown, build_servo_arm, known_model, true_dynamics
-from surfuse.twin import SimulatedClock
-from surfuse.world.dynamics.plant import ArmPlant
+from surfuse.rig.simulated.assembly import SimulatedClock
+from surfuse.rig.simulated.servo_arm import LAWS, Unknown, build_servo_arm, known_model, true_dynamics
+from surfuse.twin.dynamics.plant import ArmPlant
 
 KINEMATICS = Puma560(np.eye(4), pose(np.eye(3), [0.0, 0.0, 0.08 - FLANGE_OFFSET_M]))
 TARGET = READY_RAD + np.radians([20.0, -10.0, 5.0, 8.0, -3.0, 30.0])
@@ -74,7 +74,7 @@ def plants() -> None:
 
     print(f"plant alone: {0.5 / best_s(own):.0f} times real time")
     try:
-        from surfuse.world.dynamics.mujoco_arm import MujocoArm
+        from surfuse.twin.dynamics.mujoco_arm import MujocoArm
     except ImportError:
         print("MuJoCo: not installed")
         return
@@ -93,8 +93,8 @@ def arm_files() -> None:
     try:
         import mujoco
 
-        from surfuse.arms import model_file
-        from surfuse.arms.models.screw_chain import solve
+        from surfuse.arm_models import model_file
+        from surfuse.arm_models.screw_chain import solve
     except ImportError:
         print("arm files: MuJoCo is not installed")
         return

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from surfuse.pipeline.acquisition import acquire
-from surfuse.pipeline.methods import create_method
-from surfuse.pipeline.outcome import SilentWatcher
-from surfuse.pipeline.replay import fused, grid_of
+from surfuse.commands.acquire.acquisition import acquire
+from surfuse.commands.fuse.fuse_log import fused, grid_of
+from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.outcome import SilentWatcher
 from surfuse.runs.scan_source import load_scan
 from surfuse.settings import FusionSettings, load
-from surfuse.surface.compare import score
+from surfuse.surface.score import score
 from surfuse.surface.truth import read_mesh, truth_around
 
 SCENES = ("flat", "tilted", "relief")

@@ -14,14 +14,14 @@ import cv2
 import numpy as np
 
 from surfuse.cameras import REFERENCE_MODEL
-from surfuse.cell import looking_outwards
-from surfuse.pipeline.threshold_comparison import compare
+from surfuse.commands.pictures.threshold_comparison import compare
+from surfuse.rig.devices import looking_outwards
+from surfuse.twin.materials import Material
+from surfuse.twin.optics import render, visible
+from surfuse.twin.scene import Scene, build_cell
+from surfuse.twin.shapes import box, standing
 from surfuse.vision.threshold import METHODS, histogram, maximum_entropy, minimum_error, otsu, threshold, uniform_error
 from surfuse.vision.threshold.uniform_error import block_counts
-from surfuse.world.materials import Material
-from surfuse.world.optics import render, visible
-from surfuse.world.scene import Scene, build_cell
-from surfuse.world.shapes import box, standing
 
 
 def best_ms(call: Callable[[], object], repeats: int = 50) -> float:

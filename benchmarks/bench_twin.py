@@ -12,10 +12,10 @@ import trimesh
 
 from surfuse.geometry.poses import pose
 from surfuse.sensors import polaroid
-from surfuse.world.materials import Material
-from surfuse.world.parts import make_part
-from surfuse.world.scene import Body, Scene, build_cell
-from surfuse.world.twin import Twin
+from surfuse.twin.materials import Material
+from surfuse.twin.parts import make_part
+from surfuse.twin.scene import Body, Scene, build_cell
+from surfuse.twin.world import Twin
 
 READINGS = 1500
 ROUNDS = 3

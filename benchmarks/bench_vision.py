@@ -18,15 +18,15 @@ import numpy as np
 from surfuse.cameras import REFERENCE_MODEL
 from surfuse.geometry.poses import inverse, pose, rotation_about, transform_points
 from surfuse.records import CameraFrame, Detection, FloatArray
+from surfuse.twin.materials import Material
+from surfuse.twin.optics import OpticsParameters, render
+from surfuse.twin.scene import Body, Scene, build_cell
 from surfuse.vision.dominant_points import DominantPointParameters
-from surfuse.vision.find import find_parts
 from surfuse.vision.outline import outline_part
+from surfuse.vision.part_finder import find_parts
 from surfuse.vision.rays import pixels_of
 from surfuse.vision.table import TableRing
 from surfuse.vision.threshold import METHODS, histogram, maximum_entropy, minimum_error, otsu, threshold
-from surfuse.world.materials import Material
-from surfuse.world.optics import OpticsParameters, render
-from surfuse.world.scene import Body, Scene, build_cell
 
 TABLE = TableRing()
 DOMINANT = DominantPointParameters(tolerance_px=1.5)

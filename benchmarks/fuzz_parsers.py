@@ -22,9 +22,9 @@ from surfuse.records import Status
 from surfuse.sensors.a02yyuw import Parser as A02Parser
 from surfuse.sensors.maxbotix import MODELS as MAXBOTIX
 from surfuse.sensors.maxbotix import Parser as MaxBotixParser
-from surfuse.sensors.serial_line.frames import LineParser
 from surfuse.sensors.tfmini import MODELS as TFMINI
 from surfuse.sensors.tfmini import Parser as TfminiParser
+from surfuse.serial_line.frames import LineParser
 
 CHUNK_FRAMES = 2000
 

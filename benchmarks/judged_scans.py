@@ -14,10 +14,10 @@ from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import Outline, Readings, SensorSpec
 from surfuse.runs.scan_log import ScanLog
 from surfuse.sensors.polaroid import BARE_SPEC, SPEC
-from surfuse.world.acoustics.noise import AcousticNoise
-from surfuse.world.materials import Material
-from surfuse.world.scene import Body, Scene
-from surfuse.world.twin import Twin, TwinParameters
+from surfuse.twin.acoustics.noise import AcousticNoise
+from surfuse.twin.materials import Material
+from surfuse.twin.scene import Body, Scene
+from surfuse.twin.world import Twin, TwinParameters
 
 STANDOFF_M, STEP_M, SIDE_M, MARGIN_M = 0.43, 0.01, 0.05, 0.02
 # Timing noise (m), bad readings, missing ones, and the spread of the air temperature's error as a share of the range.

@@ -3,8 +3,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from surfuse.acquire.scan import ScanParameters, scan
+from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND_HEIGHT_M, Puma560
 from surfuse.arms import simulated
-from surfuse.arms.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND_HEIGHT_M, Puma560
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
 from surfuse.geometry.poses import pose
 from surfuse.plan.scan_plan import PlanParameters, scan_plan

@@ -10,7 +10,7 @@ from surfuse.acquire.search import SearchParameters, search
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.records import CameraFrame, CameraModel
-from surfuse.vision.find import find_parts
+from surfuse.vision.part_finder import find_parts
 
 CAMERA = CameraModel(250, 291, 260.0, 380.0, 124.5, 145.0)
 LOWER, UPPER = math.radians(-160.0), math.radians(160.0)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from surfuse.acquire.search import SearchParameters, search
-from surfuse.cell import looking_outwards, world_from_shoulder
 from surfuse.records import CameraFrame, CameraModel
-from surfuse.vision.find import FindParameters, find_parts
+from surfuse.rig.devices import looking_outwards, world_from_shoulder
+from surfuse.twin.materials import Material
+from surfuse.twin.optics import OpticsParameters, render
+from surfuse.twin.scene import Scene, build_cell
+from surfuse.twin.shapes import box, cylinder, standing
+from surfuse.vision.part_finder import FindParameters, find_parts
 from surfuse.vision.table import TableRing
-from surfuse.world.materials import Material
-from surfuse.world.optics import OpticsParameters, render
-from surfuse.world.scene import Scene, build_cell
-from surfuse.world.shapes import box, cylinder, standing
 
 # Half the pixels of the reference camera, so that a turn takes a second.
 CAMERA = CameraModel(250, 291, 260.0, 380.0, 124.5, 145.0)

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from surfuse.acquire.station import sweep_of, take_sweep
-from surfuse.arms.puma560 import FLANGE_OFFSET_M, READY_RAD, Puma560
+from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, READY_RAD, Puma560
 from surfuse.errors import DeviceError
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import Echo, Fixture, JointState, SensorSpec, Status

@@ -13,9 +13,9 @@ pytest.importorskip("mujoco")
 sys.path.insert(0, str(Path(__file__).parent))
 from test_model_file import SIX, inside, seven
 
-from surfuse.arms import model_file
-from surfuse.arms.model_file import ModelFileArm, Parameters
-from surfuse.arms.models.closed_form import in_columns
+from surfuse.arm_models import model_file
+from surfuse.arm_models.closed_form import in_columns
+from surfuse.arm_models.model_file import ModelFileArm, Parameters
 from surfuse.geometry.poses import pose
 
 # No three axes are parallel or meet, and no two neighbours do: there is no closed form.

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, READY_RAD, Puma560
 from surfuse.arms import trident
-from surfuse.arms.puma560 import FLANGE_OFFSET_M, READY_RAD, Puma560
 from surfuse.errors import SafetyStopError
 from surfuse.geometry.poses import pose
-from surfuse.servo_twin import ServoArm, Unknown, build_servo_arm
-from surfuse.twin import SimulatedClock
+from surfuse.rig.simulated.assembly import SimulatedClock
+from surfuse.rig.simulated.servo_arm import ServoArm, Unknown, build_servo_arm
 
 KINEMATICS = Puma560(np.eye(4), pose(np.eye(3), [0.0, 0.0, 0.08 - FLANGE_OFFSET_M]))
 TURNS = ([8.0, -4.0, 3.0, 5.0, -3.0, 10.0], [7.5, -4.0, 3.0, 5.0, -3.0, 9.0])

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from surfuse.acquire.smooth import lines_of, way_of
-from surfuse.arms.puma560 import LIMITS, READY_RAD
+from surfuse.arm_models.puma560 import LIMITS, READY_RAD
 from surfuse.errors import SafetyStopError
 from surfuse.geometry.poses import pose
 from surfuse.motion.obstacles import Box, Floor, RingTable, part_box
 from surfuse.plan.approach import approach
 from surfuse.plan.scan_plan import PlanParameters, scan_plan
 from surfuse.records import Outline
+from surfuse.rig.simulated.assembly import build_cell
 from surfuse.settings import load
-from surfuse.twin import build_cell
 
 PLATE = np.array([[-0.1, 0.0], [0.1, 0.0], [0.1, 0.2], [-0.1, 0.2]])
 DRIVERS = ("kinematic", "trident")

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 
 mujoco = pytest.importorskip("mujoco")
 
-from surfuse.arms import model_file  # noqa: E402
-from surfuse.arms.model_file import ModelFileArm, Parameters  # noqa: E402
+from surfuse.arm_models import model_file  # noqa: E402
+from surfuse.arm_models.model_file import ModelFileArm, Parameters  # noqa: E402
 from surfuse.errors import ConfigError, DataError  # noqa: E402
 from surfuse.geometry.poses import pose  # noqa: E402
 from surfuse.motion.body import body_of  # noqa: E402

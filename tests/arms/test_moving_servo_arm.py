@@ -10,12 +10,12 @@ from numpy.testing import assert_allclose
 sys.path.insert(0, str(Path(__file__).parent))
 from trident_bench import KINEMATICS, TARGET, Bench, Clock
 
-from surfuse.arms.cards.scales import CardScales
-from surfuse.arms.puma560 import LIMITS, READY_RAD
+from surfuse.arm_models.puma560 import LIMITS, READY_RAD
 from surfuse.errors import DataError, SafetyStopError
 from surfuse.motion.trapezoid import TrapezoidalMove
 from surfuse.records import ByteArray, CameraModel, FloatArray, SensorSpec
-from surfuse.servo_twin import ServoTwinArm, build_servo_arm
+from surfuse.rig.simulated.servo_arm import ServoTwinArm, build_servo_arm
+from surfuse.servo_cards.scales import CardScales
 
 MOVE = TrapezoidalMove(READY_RAD, TARGET, LIMITS)
 COUNT = CardScales().resolution_rad

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from surfuse.arms import puma560
-from surfuse.arms.puma560 import A_M, ALPHA_RAD, CONFIGURATIONS, D_M, LIMITS, Puma560
+from surfuse.arm_models import puma560
+from surfuse.arm_models.puma560 import A_M, ALPHA_RAD, CONFIGURATIONS, D_M, LIMITS, Puma560
 from surfuse.errors import DataError
 from surfuse.geometry.chains import Chain
 from surfuse.geometry.poses import pose, rotation_about
@@ -129,7 +129,7 @@ def test_valid_means_within_the_limits() -> None:
 
 
 def test_the_compiled_solver_is_its_python_text() -> None:
-    from surfuse.arms.puma import closed_form
+    from surfuse.arm_models import puma560_closed_form as closed_form
 
     rng = np.random.default_rng(9)
     flange = np.ascontiguousarray(BARE.forward(rng.uniform(-2.0, 2.0, 6))[:3])

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from surfuse.arm_models.puma560 import ENCODER_RAD_PER_COUNT, FLANGE_OFFSET_M, LIMITS, READY_RAD, Puma560
 from surfuse.arms import recorded, simulated
-from surfuse.arms.puma560 import ENCODER_RAD_PER_COUNT, FLANGE_OFFSET_M, LIMITS, READY_RAD, Puma560
 from surfuse.errors import ConfigError, DataError, DeviceError, SafetyStopError
 from surfuse.geometry.poses import pose
 from surfuse.motion.trapezoid import durations_s

@@ -12,15 +12,15 @@ from numpy.testing import assert_allclose
 sys.path.insert(0, str(Path(__file__).parent))
 from trident_bench import MODEL, TARGET, Bench
 
+from surfuse.arm_models.puma560 import LIMITS, READY_RAD
+from surfuse.arm_models.puma560_dynamics import FIXTURE, extra_load, loaded_puma560
 from surfuse.arms import trident
-from surfuse.arms.cards.scales import CardScales
-from surfuse.arms.models.puma560_dynamics import FIXTURE, extra_load, loaded_puma560
-from surfuse.arms.puma560 import LIMITS, READY_RAD
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
 from surfuse.motion.control.gravity_pd import GravityPd
 from surfuse.motion.control.independent_pid import IndependentPid
 from surfuse.motion.trapezoid import durations_s
 from surfuse.records import FloatArray
+from surfuse.servo_cards.scales import CardScales
 
 COUNT = CardScales().resolution_rad
 

@@ -13,13 +13,13 @@ from numpy.testing import assert_allclose
 sys.path.insert(0, str(Path(__file__).parent))
 from trident_bench import MODEL, Bench
 
-from surfuse.arms.cards import registers as reg
-from surfuse.arms.cards.calibration import Calibration, rough_position
-from surfuse.arms.cards.scales import CardScales, converter_words, unwrap
-from surfuse.arms.cards.simulated_card import CardParameters, Potentiometers
-from surfuse.arms.models.puma560_dynamics import TORQUE_MAX_NM
-from surfuse.arms.puma560 import LIMITS, READY_RAD
+from surfuse.arm_models.puma560 import LIMITS, READY_RAD
+from surfuse.arm_models.puma560_dynamics import TORQUE_MAX_NM
 from surfuse.errors import ConfigError, DeviceError
+from surfuse.servo_cards import registers as reg
+from surfuse.servo_cards.calibration import Calibration, rough_position
+from surfuse.servo_cards.scales import CardScales, converter_words, unwrap
+from surfuse.twin.servo_card import CardParameters, Potentiometers
 
 SCALES = CardScales()
 PLACES = np.random.default_rng(3).uniform(LIMITS.lower_rad, LIMITS.upper_rad, (20, 6))

@@ -11,13 +11,13 @@ from numpy.testing import assert_allclose
 sys.path.insert(0, str(Path(__file__).parent))
 from trident_bench import KINEMATICS, TARGET, Clock
 
-from surfuse.arms.puma560 import LIMITS, READY_RAD
+from surfuse.arm_models.puma560 import LIMITS, READY_RAD
+from surfuse.commands.outcome import SilentWatcher
+from surfuse.commands.servo.servo_study import scan_joints, servo_study
 from surfuse.errors import ConfigError, StorageError, UsageError
 from surfuse.motion.planners import jerk_limited, torque_limited, trapezoidal
-from surfuse.pipeline.outcome import SilentWatcher
-from surfuse.pipeline.servo_study import scan_joints, servo_study
 from surfuse.records import ByteArray, CameraModel, FloatArray, SensorSpec
-from surfuse.servo_twin import LAWS, ServoTwinArm, build_servo_arm, control_law, known_model
+from surfuse.rig.simulated.servo_arm import LAWS, ServoTwinArm, build_servo_arm, control_law, known_model
 from surfuse.settings import load
 
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from surfuse.arm_models.puma560 import Puma560
 from surfuse.arms import ur_rtde
-from surfuse.arms.puma560 import Puma560
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
 from surfuse.motion.limits import JointLimits
 from surfuse.records import FloatArray

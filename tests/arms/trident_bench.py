@@ -4,19 +4,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, Puma560
+from surfuse.arm_models.puma560_dynamics import FIXTURE, loaded_puma560
 from surfuse.arms import trident
-from surfuse.arms.cards.calibration import Calibration
-from surfuse.arms.cards.scales import CardScales
-from surfuse.arms.cards.simulated_card import CardParameters, SimulatedCard
-from surfuse.arms.models.puma560_dynamics import FIXTURE, loaded_puma560
-from surfuse.arms.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, Puma560
 from surfuse.geometry.poses import pose
 from surfuse.motion.control.computed_torque import ComputedTorque
 from surfuse.motion.control.law import ControlLaw
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trapezoid import TrapezoidalMove
 from surfuse.records import FloatArray
-from surfuse.world.dynamics.plant import ArmPlant
+from surfuse.servo_cards.calibration import Calibration
+from surfuse.servo_cards.scales import CardScales
+from surfuse.twin.dynamics.plant import ArmPlant
+from surfuse.twin.servo_card import CardParameters, SimulatedCard
 
 KINEMATICS = Puma560(np.eye(4), pose(np.eye(3), [0.0, 0.0, 0.08 - FLANGE_OFFSET_M]))
 MODEL = loaded_puma560(FIXTURE)

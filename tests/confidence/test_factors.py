@@ -7,15 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from surfuse.confidence.agreement import (
-    agreement_confidence,
-    median_of_others,
-    median_of_sorted,
-    updated_error_rate,
-)
+from surfuse.confidence.agreement import agreement_confidence, median_of_others, median_of_sorted, updated_error_rate
 from surfuse.confidence.boundary import boundary_confidence, boundary_scale
 from surfuse.confidence.prediction import predicted_depth, prediction_confidence, remember
-from surfuse.confidence.uncertainty import sigma_of_average
+from surfuse.fusing.uncertainty import sigma_of_average
 from surfuse.geometry.poses import pose, rotation_about
 
 lengths = st.floats(-1.0, 1.0)

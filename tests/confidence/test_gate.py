@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from surfuse.confidence.columns import empty_points, scan_of_sweep
 from surfuse.confidence.gate import GateParameters, limits_of, validate, without_needless_vertices
 from surfuse.errors import ConfigError
+from surfuse.fusing.columns import empty_points, scan_of_sweep
 from surfuse.geometry.polygons import signed_distance
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FusionScene, Gate, Outline, SensorSpec, Status, Sweep

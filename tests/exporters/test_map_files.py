@@ -15,8 +15,8 @@ import trimesh
 
 from surfuse.errors import DataError
 from surfuse.exporters import csv, glb, nc, obj, ply, png, stl
-from surfuse.exporters.map_layers.triangles import mesh_of
 from surfuse.geometry.poses import pose, rotation_about
+from surfuse.map_files.triangles import mesh_of
 from surfuse.records import FusedPoints, MapGrid, Regime, SurfaceMap
 
 

@@ -11,16 +11,16 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "arms"))
 from trident_bench import KINEMATICS, MODEL, TARGET, Bench
 
 from surfuse.acquire.scan import scan
+from surfuse.arm_models.puma560 import LIMITS, READY_RAD
+from surfuse.arm_models.puma560_dynamics import FIXTURE, extra_load, loaded_puma560
 from surfuse.arms import trident
-from surfuse.arms.cards import registers as reg
-from surfuse.arms.cards.supervision import Supervision
-from surfuse.arms.models.puma560_dynamics import FIXTURE, extra_load, loaded_puma560
-from surfuse.arms.puma560 import LIMITS, READY_RAD
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
 from surfuse.motion.control.law import Commands
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trapezoid import TrapezoidalMove
 from surfuse.records import Echo, Fixture, FloatArray, Outline, ScanPlan, SensorSpec, Status, Sweep
+from surfuse.servo_cards import registers as reg
+from surfuse.servo_cards.supervision import Supervision
 
 # Stated stopping distances: joint by joint and at the tool, from any speed within the limits, over the whole range.
 # With the motors' help; without power the wrist runs out against its friction.

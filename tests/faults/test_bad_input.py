@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from surfuse.pipeline.locating import finder
+from surfuse.commands.acquire.locating import finder
 from surfuse.records import CameraFrame, CameraModel
 from surfuse.settings import load
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from surfuse.errors import DeviceError
-from surfuse.node.bad_bus import BadBus, BadLink, DirectLink
+from surfuse.node.array import CanArray, Parameters
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
+from surfuse.node.disturbed_bus import BadBus, BadLink, DirectLink
 from surfuse.node.link import Arrival
 from surfuse.node.messages import (
     Acknowledge,
@@ -25,10 +26,9 @@ from surfuse.node.messages import (
     Trigger,
     identifier,
 )
-from surfuse.node.patience import Patience
 from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.node.timeouts import Patience
 from surfuse.records import Echo, Fixture, SensorSpec, Status
-from surfuse.sensors.can_array import CanArray, Parameters
 
 CATALOGUE = Catalogue()
 SPEC = SensorSpec("stand-in", "ultrasonic", 0.3, 4.0, 0.3, 0.001)

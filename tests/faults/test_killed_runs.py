@@ -193,7 +193,7 @@ def test_ctrl_c_ends_a_fusion_at_once(tmp_path, command, reference, monkeypatch)
         signal.raise_signal(signal.SIGINT)
         pytest.fail("Ctrl-C was kept for a checkpoint that never comes")
 
-    monkeypatch.setattr("surfuse.pipeline.replay.fused", interrupted)
+    monkeypatch.setattr("surfuse.commands.fuse.fuse_log.fused", interrupted)
     command("fuse", reference, "--out", tmp_path / "fused").error(130, "interrupted")
     assert not (tmp_path / "fused").exists()
 

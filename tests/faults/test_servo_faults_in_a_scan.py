@@ -11,18 +11,18 @@ from pathlib import Path
 
 import pytest
 
-from surfuse.arms.cards import registers as reg
-from surfuse.arms.cards.simulated_card import SimulatedCard
-from surfuse.cell import Cell
+from surfuse.commands.acquire import acquisition
+from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import DeviceError, SafetyStopError, SurfuseError
-from surfuse.pipeline import acquisition
-from surfuse.pipeline.outcome import SilentWatcher
+from surfuse.rig.devices import Cell
+from surfuse.rig.simulated.assembly import build_cell
+from surfuse.rig.simulated.servo_arm import ServoArm, ServoTwinArm
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_reader import read_log
 from surfuse.runs.progress import read_progress
-from surfuse.servo_twin import ServoArm, ServoTwinArm
+from surfuse.servo_cards import registers as reg
 from surfuse.settings import Settings, load
-from surfuse.twin import build_cell
+from surfuse.twin.servo_card import SimulatedCard
 
 OVERRIDES = ["scene.name=flat", "scan.step_m=0.08", "array.pings=2"]
 SETTINGS = load(None, [*OVERRIDES, "fusion.method=weighted_average"])

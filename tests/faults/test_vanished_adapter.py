@@ -16,8 +16,8 @@ from surfuse.node.counters import Tally
 from surfuse.node.firmware import MonotonicClock, Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.responder import NodeIdentity, Responder
-from surfuse.pipeline.tethered import TetheredSensors
-from surfuse.world.tether import NodeEnd
+from surfuse.rig.simulated.tethered_sensors import TetheredSensors
+from surfuse.twin.tether import NodeEnd
 
 SCAN = ("flat", "--method", "weighted_average", "--set", "scan.step_m=0.06", "--arm-driver", "kinematic", "--seed", "7")
 AWAY = 12  # frames to the node, and then the plug is out

@@ -35,8 +35,8 @@ def test_crossings_outside_of_a_beam_or_too_flat_do_not_count():
 def test_a_ridge_is_found_where_the_axes_only_see_the_ground(cone_scan):
     # A thin ridge: heard from everywhere around it, and far too wide on the own axes.
     scene, readings = cone_scan(lambda u, v: np.where(np.abs(u) < 0.0015, 0.05, 0.0), nu=12, nv=6, outlined=False)
+    from surfuse.fusing.survey import survey
     from surfuse.fusion import median
-    from surfuse.fusion.field_methods.survey import survey
     from surfuse.records import MapGrid
 
     grid = MapGrid(np.arange(3) * 0.01, np.arange(3) * 0.01, scene.world_from_part)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surfuse.fusion.beam_model.arrivals import MIRROR, RIM, SPECKLE
-from surfuse.fusion.beam_model.echo import DetectorModel, beam_table
-from surfuse.fusion.beam_model.problem import Problem, arrivals, free_space, problem
-from surfuse.fusion.beam_model.raster import Raster
-from surfuse.fusion.beam_model.stations import Stations
-from surfuse.fusion.beam_model.surfels import find_surfels
+from surfuse.beam_model.echo.arrivals import MIRROR, RIM, SPECKLE
+from surfuse.beam_model.echo.detector import DetectorModel, beam_table
+from surfuse.beam_model.heard.stations import Stations
+from surfuse.beam_model.heard.wavefronts import find_surfels
+from surfuse.beam_model.prior.raster import Raster
+from surfuse.beam_model.search.estimation import Problem, arrivals, free_space, problem
 from surfuse.records import FloatArray, SensorSpec
 
 WIDE = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(26.0)), 3e-4, frequency_hz=63e3, aperture_m=0.0147)

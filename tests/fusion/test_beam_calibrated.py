@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from surfuse.fusion.beam_model.echo import TILTS, DetectorModel, beam_table, measured
+from surfuse.beam_model.echo.detector import TILTS, DetectorModel, beam_table, measured
 from surfuse.records import FusionScene, LateTable, Readings, SensorSpec
 
 _SPEC = importlib.util.spec_from_file_location("beam_scans_of_tilt", Path(__file__).with_name("test_beam.py"))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surfuse.fusion.beam_model.crossing import first_crossings, plane_impulse
-from surfuse.fusion.beam_model.echo import (
+from surfuse.beam_model.echo.crossing import first_crossings, plane_impulse
+from surfuse.beam_model.echo.detector import (
     LEVELS,
     OFF_AXIS,
     TILTS,

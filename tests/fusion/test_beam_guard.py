@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from surfuse.fusion.beam_model.echo import DetectorModel, beam_table
-from surfuse.fusion.beam_model.guard import (
+from surfuse.beam_model.echo.detector import DetectorModel, beam_table
+from surfuse.beam_model.heard.stations import Stations
+from surfuse.beam_model.judge.held_out import (
     FREE_SLACK_M,
     LEAST_STATIONS,
     OWN,
@@ -18,13 +19,12 @@ from surfuse.fusion.beam_model.guard import (
     judged,
     regions,
 )
-from surfuse.fusion.beam_model.plate import Stiffness
-from surfuse.fusion.beam_model.problem import Problem, arrivals, problem
-from surfuse.fusion.beam_model.raster import Raster
-from surfuse.fusion.beam_model.search import Solution
-from surfuse.fusion.beam_model.simple import NAMES, simple_surfaces
-from surfuse.fusion.beam_model.stations import Stations
-from surfuse.fusion.beam_model.tiles import sheet_of
+from surfuse.beam_model.judge.plain_surfaces import NAMES, simple_surfaces
+from surfuse.beam_model.map.tiles import sheet_of
+from surfuse.beam_model.prior.raster import Raster
+from surfuse.beam_model.prior.smoothness import Stiffness
+from surfuse.beam_model.search.descent import Solution
+from surfuse.beam_model.search.estimation import Problem, arrivals, problem
 from surfuse.records import FloatArray, GuardReason, Regime, SensorSpec, in_words
 
 SPEC = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 3e-4, frequency_hz=63e3, aperture_m=0.04)
@@ -106,7 +106,7 @@ def test_a_better_predictor_in_free_space_is_refused(
 ) -> None:
     p, judges = over_a_plate
     bound = np.full(RASTER.shape, -0.5 - FREE_SLACK_M)
-    monkeypatch.setattr("surfuse.fusion.beam_model.guard.free_space", lambda *_: bound)
+    monkeypatch.setattr("surfuse.beam_model.judge.held_out.free_space", lambda *_: bound)
     verdict = judged(p, solution(p, np.full(RASTER.shape, -0.6)), judges)
     assert {one.reason for one in verdict.decisions} == {GuardReason.FREE_SPACE}
     assert not verdict.replaced

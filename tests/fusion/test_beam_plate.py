@@ -5,14 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surfuse.fusion.beam_model.band import colour, factor, log_determinant, solve
-from surfuse.fusion.beam_model.plate import (
-    STENCILS,
-    THIRD_ORDER,
-    Plate,
-    Stiffness,
-    plate,
-)
+from surfuse.beam_model.prior.band_matrix import colour, factor, log_determinant, solve
+from surfuse.beam_model.prior.smoothness import STENCILS, THIRD_ORDER, Plate, Stiffness, plate
 
 G = 0.01
 SOFT = Stiffness(1e-2, 1e1, 1e9)

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from surfuse.fusion.beam_model.doubt import spread
-from surfuse.fusion.beam_model.echo import DetectorModel, beam_table
-from surfuse.fusion.beam_model.layers import layers, speed_sigma
-from surfuse.fusion.beam_model.plate import Stiffness
-from surfuse.fusion.beam_model.problem import Problem, arrivals, problem
-from surfuse.fusion.beam_model.raster import Raster
-from surfuse.fusion.beam_model.search import Solution
-from surfuse.fusion.beam_model.stations import Stations
+from surfuse.beam_model.echo.detector import DetectorModel, beam_table
+from surfuse.beam_model.heard.stations import Stations
+from surfuse.beam_model.judge.rivals import spread
+from surfuse.beam_model.map.layers import layers, speed_sigma
+from surfuse.beam_model.prior.raster import Raster
+from surfuse.beam_model.prior.smoothness import Stiffness
+from surfuse.beam_model.search.descent import Solution
+from surfuse.beam_model.search.estimation import Problem, arrivals, problem
 from surfuse.records import FloatArray, SensorSpec
 
 TUBE = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 3e-4, frequency_hz=63e3, aperture_m=0.04)

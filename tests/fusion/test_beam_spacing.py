@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from surfuse.fusion.beam_model.stations import Stations, spacing
+from surfuse.beam_model.heard.stations import Stations, spacing
 
 
 def stations(uv: np.ndarray) -> Stations:

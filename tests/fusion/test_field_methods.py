@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from surfuse.errors import ConfigError, DataError
+from surfuse.fusing.cones import columns_within, nearest_node, shell
+from surfuse.fusing.despiking import supported
+from surfuse.fusing.places import covered, feet_on_part, on_part
+from surfuse.fusing.sites import between, groups, mean_sites, median_sites
+from surfuse.fusing.survey import survey
 from surfuse.fusion import median
-from surfuse.fusion.field_methods.cones import columns_within, nearest_node, shell
-from surfuse.fusion.field_methods.places import covered, feet_on_part, on_part
-from surfuse.fusion.field_methods.sites import between, groups, mean_sites, median_sites
-from surfuse.fusion.field_methods.support import supported
-from surfuse.fusion.field_methods.survey import survey
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import MapGrid, Outline, Readings
 from surfuse.registry import load

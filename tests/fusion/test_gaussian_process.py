@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from surfuse.fusing.covariances import Covariance, chosen, matern
+from surfuse.fusing.sites import Sites
 from surfuse.fusion import gaussian_process
-from surfuse.fusion.field_methods.covariances import Covariance, chosen, matern
-from surfuse.fusion.field_methods.sites import Sites
 
 
 def test_equals_the_dense_process_on_small_data():

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from surfuse.fusing.sonar_model import evidence, squared_angle
 from surfuse.fusion import occupancy
-from surfuse.fusion.field_methods.sonar_model import evidence, squared_angle
 
 NODES = np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
 

@@ -8,9 +8,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from surfuse.confidence import sweepwise
-from surfuse.confidence.sweepwise import BLOCK
 from surfuse.errors import ConfigError, DataError
+from surfuse.fusing import sweepwise
+from surfuse.fusing.sweepwise import BLOCK
 from surfuse.fusion import mean, median, weighted_average
 from surfuse.fusion.median import median_inflation
 from surfuse.fusion.weighted_average import Parameters, create

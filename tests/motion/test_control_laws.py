@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from surfuse.arms.models.puma560_dynamics import FIXTURE, loaded_puma560
-from surfuse.arms.puma560 import READY_RAD
+from surfuse.arm_models.puma560 import READY_RAD
+from surfuse.arm_models.puma560_dynamics import FIXTURE, loaded_puma560
 from surfuse.errors import ConfigError
 from surfuse.motion.control import computed_torque
 from surfuse.motion.control.computed_torque import ComputedTorque

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from surfuse.arms.models.puma560_dynamics import FIXTURE, JERK_RAD_S3, loaded_puma560
-from surfuse.arms.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, Puma560
+from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, Puma560
+from surfuse.arm_models.puma560_dynamics import FIXTURE, JERK_RAD_S3, loaded_puma560
 from surfuse.errors import ConfigError, DataError, SafetyStopError
 from surfuse.geometry.poses import pose
 from surfuse.motion.control.law import every_tick

@@ -25,7 +25,7 @@ from surfuse.node.messages import (
     Trigger,
 )
 from surfuse.node.responder import NodeIdentity, Responder
-from surfuse.node.volley import ThreadedVolley
+from surfuse.node.simultaneous_fire import ThreadedVolley
 from surfuse.node.watch import NodeWatch, Verdict
 from surfuse.records import Echo, SensorSpec, Status
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from surfuse.pipeline.acquisition import acquire
-from surfuse.pipeline.outcome import SilentWatcher
+from surfuse.commands.acquire.acquisition import acquire
+from surfuse.commands.outcome import SilentWatcher
 from surfuse.settings import load
 
 

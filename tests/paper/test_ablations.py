@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surfuse.pipeline.methods import create_method
-from surfuse.pipeline.replay import fused, grid_of
+from surfuse.commands.fuse.fuse_log import fused, grid_of
+from surfuse.commands.fuse.methods import create_method
 from surfuse.records import FusedPoints, FusionResult, Gap, SurfaceMap
 from surfuse.runs.scan_source import load_scan
 from surfuse.settings import load
-from surfuse.surface.compare import score
+from surfuse.surface.score import score
 from surfuse.surface.truth import read_mesh, truth_around
 
 PLATE_HALF_M = 0.10

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from surfuse.commands.judge.evaluation import edge_m
 from surfuse.exporters import nc
-from surfuse.pipeline.scoring import edge_m
 from surfuse.records import Gap, SurfaceMap
-from surfuse.surface.compare import score
+from surfuse.surface.score import score
 from surfuse.surface.splines import spline_surface
 from surfuse.surface.truth import read_mesh, truth_around
 

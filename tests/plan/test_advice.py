@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 sys.path.insert(0, str(Path(__file__).parent))
 from test_scan_plan import ARM, BODY, PLATE, part_frame, plate
 
-from surfuse.arms.puma import volume
-from surfuse.arms.puma560 import READY_RAD, STAND_HEIGHT_M
+from surfuse.arm_models import puma560_volume as volume
+from surfuse.arm_models.puma560 import READY_RAD, STAND_HEIGHT_M
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.motion.clearance import ClearanceModel
 from surfuse.motion.obstacles import Floor, RingTable, part_box

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from surfuse.arms.puma import volume
-from surfuse.arms.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND_HEIGHT_M, Puma560
+from surfuse.arm_models import puma560_volume as volume
+from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND_HEIGHT_M, Puma560
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.motion.body import body_of, fixture_capsules

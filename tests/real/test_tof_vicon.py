@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from surfuse.commands.calibrate.sync import sync
+from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import DataError
-from surfuse.pipeline.outcome import SilentWatcher
-from surfuse.pipeline.sync import sync
 from surfuse.runs.scan_source import load_scan
 from surfuse.runs.tof_vicon import read_tof_vicon, rotations, zone_directions
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from surfuse.errors import ConfigError, DeviceError
 from surfuse.records import Status
 from surfuse.sensors.maxbotix import MODELS, SPEC, Parameters, Parser, create
-from surfuse.sensors.serial_line.ranger import SerialRanger
+from surfuse.serial_line.ranger import SerialRanger
 
 
 def feed(model, data):

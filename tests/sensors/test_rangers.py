@@ -6,10 +6,12 @@ import pytest
 from surfuse.errors import ConfigError, DeviceError
 from surfuse.geometry.poses import pose
 from surfuse.records import Echo, Fixture, SensorSpec, Status, Sweep, readings_from_sweeps
-from surfuse.sensors import polaroid, recorded, sequential, simulated
-from surfuse.world.parts import make_part
-from surfuse.world.scene import Scene
-from surfuse.world.twin import Twin
+from surfuse.rig import recorded_array as recorded
+from surfuse.rig import sequential_array as sequential
+from surfuse.sensors import polaroid, simulated
+from surfuse.twin.parts import make_part
+from surfuse.twin.scene import Scene
+from surfuse.twin.world import Twin
 
 LOOK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 

@@ -9,9 +9,9 @@ import pytest
 from surfuse.errors import DataError
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FloatArray, MapGrid, Regime, SurfaceMap
-from surfuse.surface.compare import crossings, edge_error, error_map, middle_level, score
 from surfuse.surface.grids import extended_grid, refined
 from surfuse.surface.resample import resampled, triangles
+from surfuse.surface.score import crossings, edge_error, error_map, middle_level, score
 from surfuse.surface.truth import truth_around, truth_from_mesh
 
 AXIS = np.arange(-5, 6) * 0.01

@@ -8,7 +8,7 @@ import pytest
 
 from surfuse.errors import DataError
 from surfuse.records import MapGrid, SurfaceMap
-from surfuse.surface.parameters import areal_parameters, parameters_of
+from surfuse.surface.texture_parameters import areal_parameters, parameters_of
 
 DATA = Path(__file__).parents[1] / "data"
 REFERENCE = json.loads((DATA / "surface_params_reference.json").read_text())["cases"]

@@ -132,7 +132,7 @@ def test_a_bad_option_of_the_arm_is_one_clear_error(command, tmp_path, options, 
 
 
 def test_without_mujoco_the_error_names_the_extra(command, arms, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("surfuse.arm_of_file", "surfuse.arms.model_file", "surfuse.arms.models.arm_file"):
+    for name in ("surfuse.rig.arm_of_file", "surfuse.arm_models.model_file", "surfuse.arm_models.arm_file"):
         importlib.import_module(name)
         monkeypatch.delitem(sys.modules, name)
         monkeypatch.delattr(name)

@@ -12,7 +12,7 @@ import typer
 from surfuse import cli, registry
 from surfuse.errors import SurfuseError
 from surfuse.settings import load
-from surfuse.world.parts import SCENES
+from surfuse.twin.parts import SCENES
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from surfuse.commands.acquire.acquisition import acquire, resume
+from surfuse.commands.outcome import SilentWatcher
 from surfuse.exporters import nc
-from surfuse.pipeline.acquisition import acquire, resume
-from surfuse.pipeline.outcome import SilentWatcher
 from surfuse.runs.log_reader import read_log
 from surfuse.settings import load
 

@@ -11,8 +11,8 @@ from surfuse.cameras import REFERENCE_MODEL
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.records import CameraFrame
-from surfuse.vision.find import FindParameters, find_parts, find_regions
 from surfuse.vision.flatten import flattened
+from surfuse.vision.part_finder import FindParameters, find_parts, find_regions
 from surfuse.vision.picture import read_picture
 from surfuse.vision.table import TableRing, foot_rows
 from surfuse.vision.threshold import METHODS

@@ -11,9 +11,9 @@ from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.poses import inverse, pose, rotation_about, transform_points
 from surfuse.records import CameraFrame, Detection
 from surfuse.vision.distance import ProjectionSigmas, ShoulderRange, measure_distance
-from surfuse.vision.foot import foot_points
 from surfuse.vision.outline import outline_part
 from surfuse.vision.rays import camera_rays, pixels_of
+from surfuse.vision.table_contact import foot_points
 
 LENS = replace(REFERENCE_MODEL, distortion=(-0.09, 0.02, 0.001, -0.001, 0.003))
 TABLE = 1.0

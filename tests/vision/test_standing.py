@@ -9,7 +9,7 @@ from surfuse.errors import ConfigError
 from surfuse.geometry.poses import inverse, pose, transform_points
 from surfuse.records import CameraFrame, Detection
 from surfuse.vision.rays import pixels_of
-from surfuse.vision.standing import StandingParameters, on_table
+from surfuse.vision.standing_parts import StandingParameters, on_table
 from surfuse.vision.table import TableRing, edge_rows, foot_rows
 
 HEIGHT, WIDTH = REFERENCE_MODEL.height_px, REFERENCE_MODEL.width_px

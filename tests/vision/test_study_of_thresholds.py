@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from surfuse.cameras import REFERENCE_MODEL
-from surfuse.cell import looking_outwards
 from surfuse.cli import main
-from surfuse.pipeline.threshold_study import CONDITIONS, study
+from surfuse.commands.pictures.threshold_study import CONDITIONS, study
+from surfuse.rig.devices import looking_outwards
+from surfuse.twin.materials import Material
+from surfuse.twin.optics import OpticsParameters, render, visible
+from surfuse.twin.scene import Scene
+from surfuse.twin.shapes import box, cylinder, standing
 from surfuse.vision.threshold import METHODS
-from surfuse.world.materials import Material
-from surfuse.world.optics import OpticsParameters, render, visible
-from surfuse.world.scene import Scene
-from surfuse.world.shapes import box, cylinder, standing
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,6 @@ from typing import Self
 
 import numpy as np
 
-from surfuse.arms.cards.calibration import Calibration, calibrate
-from surfuse.arms.cards.registers import CardBus
-from surfuse.arms.cards.scales import STANDARD_SCALES, CardScales
-from surfuse.arms.cards.servo import Arrival, JointServo, TickLoop
-from surfuse.arms.cards.supervision import STANDARD_SUPERVISION, Supervision
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
 from surfuse.interfaces import Clock, Kinematics
 from surfuse.motion.control.law import Commands, ControlLaw
@@ -21,6 +16,11 @@ from surfuse.motion.limits import JointLimits, check_position, check_velocity
 from surfuse.motion.planners import Planner
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray, JointSamples, JointState
+from surfuse.servo_cards.calibration import Calibration, calibrate
+from surfuse.servo_cards.registers import CardBus
+from surfuse.servo_cards.scales import STANDARD_SCALES, CardScales
+from surfuse.servo_cards.servo import Arrival, JointServo, TickLoop
+from surfuse.servo_cards.supervision import STANDARD_SUPERVISION, Supervision
 
 _TICKS_PER_SAMPLE = 4  # of a motion that is run tick by tick
 

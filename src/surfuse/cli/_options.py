@@ -49,7 +49,7 @@ def arm_overrides(file: Path | None, tool: str | None, driver: str | None) -> li
 
 def print_json(result: object) -> None:
     """Print one JSON document; numbers that JSON lacks become null."""
-    from surfuse.pipeline.outcome import finite
+    from surfuse.commands.outcome import finite
 
     json.dump(finite(result), sys.stdout, indent=2, allow_nan=False)
     print()

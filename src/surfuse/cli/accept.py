@@ -44,7 +44,7 @@ def accept(
     quiet: options.Quiet = False,
 ) -> int:
     """Test."""
-    from surfuse.pipeline import acceptance
+    from surfuse.commands.rangers import acceptance
 
     metres = acceptance.metres(distances)
     outcome = acceptance.accept(

@@ -53,7 +53,7 @@ def acquire(
     """Run the main job."""
     from surfuse import settings
     from surfuse.cli._progress import TerminalWatcher
-    from surfuse.pipeline import acquisition
+    from surfuse.commands.acquire import acquisition
 
     texts = options.overrides(assignments, method, seed)
     if scene is not None:

@@ -82,7 +82,7 @@ def camera(
     quiet: options.Quiet = False,
 ) -> int:
     """Calibrate a camera."""
-    from surfuse.pipeline import calibration
+    from surfuse.commands.calibrate import calibration
     from surfuse.vision.calibration_camera import CalibrationParameters
     from surfuse.vision.calibration_target import Target
 
@@ -110,7 +110,7 @@ def shoulder(
     quiet: options.Quiet = False,
 ) -> int:
     """Calibrate the shoulder."""
-    from surfuse.pipeline import calibration
+    from surfuse.commands.calibrate import calibration
     from surfuse.vision.calibration_target import Target
 
     target = Target(pattern, columns, rows, 1e-3 * square_mm)
@@ -135,7 +135,7 @@ def pictures(
     quiet: options.Quiet = False,
 ) -> int:
     """Take simulated pictures."""
-    from surfuse.pipeline import calibration_pictures as work
+    from surfuse.commands.calibrate import calibration_pictures as work
     from surfuse.vision.calibration_target import Target
 
     target = Target(pattern, columns, rows, 1e-3 * square_mm)
@@ -155,7 +155,7 @@ def sensor(
     quiet: options.Quiet = False,
 ) -> int:
     """Fit a sensor model."""
-    from surfuse.pipeline import sensor_calibration as work
+    from surfuse.commands.calibrate import sensor_calibration as work
 
     outcome = work.calibrate_sensor(logs, truth or [], out, force)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

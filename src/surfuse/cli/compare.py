@@ -32,7 +32,7 @@ def compare(
 ) -> int:
     """Compare."""
     from surfuse.cli._progress import TerminalWatcher
-    from surfuse.pipeline import method_comparison
+    from surfuse.commands.judge import method_comparison
 
     with TerminalWatcher(quiet or as_json, checkpoints=False) as watcher:
         outcome = method_comparison.compare(log, truth, out, options.overrides(assignments, None, None), watcher)

@@ -39,7 +39,7 @@ def coverage(
 ) -> int:
     """Check the intervals."""
     from surfuse.cli._progress import TerminalWatcher
-    from surfuse.pipeline import coverage as work
+    from surfuse.commands.judge import coverage as work
 
     with TerminalWatcher(quiet or as_json) as watcher:
         outcome = work.coverage(log, truth, scale, options.overrides(assignments, method, None), watcher)

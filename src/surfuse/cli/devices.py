@@ -22,7 +22,7 @@ def register(app: typer.Typer) -> None:
 
 def devices(as_json: options.Json = False) -> int:
     """List."""
-    from surfuse.pipeline import devices as listing
+    from surfuse.commands.machine import devices as listing
 
     outcome = listing.devices()
     return options.show(outcome.summary, outcome.table, as_json, quiet=False)

@@ -14,8 +14,8 @@ def register(app: typer.Typer) -> None:
 
 def doctor(cell: options.Cell = None, assignments: options.Set = None, as_json: options.Json = False) -> int:
     """Check; status 3 when something is wrong, so that a script can ask."""
+    from surfuse.commands.machine import doctor
     from surfuse.errors import ConfigError
-    from surfuse.pipeline import doctor
 
     outcome = doctor.doctor(cell, list(assignments or []))
     shown = options.show(outcome.summary, outcome.table, as_json, quiet=False)

@@ -33,7 +33,7 @@ def evaluate(
     quiet: options.Quiet = False,
 ) -> int:
     """Score a map."""
-    from surfuse.pipeline import scoring
+    from surfuse.commands.judge import evaluation as scoring
 
     outcome = scoring.evaluate(surface, truth, scale)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

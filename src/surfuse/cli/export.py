@@ -31,7 +31,7 @@ def export(
     quiet: options.Quiet = False,
 ) -> int:
     """Convert."""
-    from surfuse.pipeline import conversion
+    from surfuse.commands.maps import export as conversion
 
     outcome = conversion.export(surface, file, force)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

@@ -42,7 +42,7 @@ def fuse(
 ) -> int:
     """Fuse a log."""
     from surfuse.cli._progress import TerminalWatcher
-    from surfuse.pipeline import replay
+    from surfuse.commands.fuse import fuse_log as replay
 
     with TerminalWatcher(quiet or as_json, checkpoints=False) as watcher:
         outcome = replay.fuse(

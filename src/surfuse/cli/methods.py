@@ -14,7 +14,7 @@ def register(app: typer.Typer) -> None:
 
 def methods(as_json: options.Json = False) -> int:
     """List."""
-    from surfuse.pipeline import methods
+    from surfuse.commands.fuse import methods
 
     lines = methods.method_lines()
     return options.show({"methods": dict(lines)}, lines, as_json, quiet=False)

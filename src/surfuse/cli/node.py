@@ -38,7 +38,7 @@ def node(
     quiet: options.Quiet = False,
 ) -> int:
     """Serve."""
-    from surfuse.pipeline import node_program
+    from surfuse.commands.machine import node_program
 
     keys: dict[str, object] = {
         "interface": {"udp": "udp_multicast"}.get(bus or "", bus),

@@ -41,7 +41,7 @@ def outline(
     as_json: options.Json = False,
 ) -> int:
     """Outline."""
-    from surfuse.pipeline import picture_outline
+    from surfuse.commands.pictures import picture_outline
 
     outcome = picture_outline.outline(image, scale, out, tolerance, force, all_parts, cut)
     return options.show(outcome.summary, outcome.table, as_json, quiet=False)

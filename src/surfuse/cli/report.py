@@ -38,7 +38,7 @@ def report(
     quiet: options.Quiet = False,
 ) -> int:
     """Write the page."""
-    from surfuse.pipeline import reporting
+    from surfuse.commands.maps import report as reporting
 
     outcome = reporting.report(run, file, force, against)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

@@ -31,7 +31,7 @@ def reproduce(
     """Run the three experiments."""
     from surfuse import settings
     from surfuse.cli._progress import TerminalWatcher
-    from surfuse.pipeline import reproduction
+    from surfuse.commands.acquire import reproduction
 
     texts = [*options.overrides(assignments, None, seed), *options.arm_overrides(None, None, arm_driver)]
     configuration = settings.load(cell, texts)

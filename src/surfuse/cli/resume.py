@@ -29,7 +29,7 @@ def resume(
 ) -> int:
     """Finish the run."""
     from surfuse.cli._progress import TerminalWatcher
-    from surfuse.pipeline import acquisition
+    from surfuse.commands.acquire import acquisition
 
     with TerminalWatcher(quiet or as_json) as watcher:
         outcome = acquisition.resume(run, watcher)

@@ -37,7 +37,7 @@ def sensor_sheet(
     quiet: options.Quiet = False,
 ) -> int:
     """Make the sheet."""
-    from surfuse.pipeline import sensor_sheet as sheets
+    from surfuse.commands.rangers import sensor_sheet as sheets
 
     outcome = sheets.sensor_sheet(spec, sensor, out, numbers, log, truth, seed, force)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

@@ -32,7 +32,7 @@ def servo_study(
     """Compare."""
     from surfuse import settings
     from surfuse.cli._progress import TerminalWatcher
-    from surfuse.pipeline.servo_study import servo_study as study
+    from surfuse.commands.servo.servo_study import servo_study as study
 
     configuration = settings.load(cell, options.overrides(assignments, None, None))
     with TerminalWatcher(quiet or as_json) as watcher:

@@ -37,7 +37,7 @@ def sync(
 ) -> int:
     """Find the lag."""
     from surfuse.cli._progress import TerminalWatcher
-    from surfuse.pipeline import sync as work
+    from surfuse.commands.calibrate import sync as work
 
     with TerminalWatcher(quiet or as_json) as watcher:
         outcome = work.sync(log, truth, max_lag, watcher)

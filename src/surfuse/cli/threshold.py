@@ -40,7 +40,7 @@ def threshold(
     as_json: options.Json = False,
 ) -> int:
     """Threshold."""
-    from surfuse.pipeline import threshold_comparison
+    from surfuse.commands.pictures import threshold_comparison
 
     outcome = threshold_comparison.threshold(image, method, mask, out, polarity, force)
     return options.show(outcome.summary, outcome.table, as_json, quiet=False)

@@ -34,7 +34,7 @@ def threshold_study(
     quiet: options.Quiet = False,
 ) -> int:
     """Run the study."""
-    from surfuse.pipeline import threshold_study as work
+    from surfuse.commands.pictures import threshold_study as work
 
     outcome = work.threshold_study(scenes, seed, out, force)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

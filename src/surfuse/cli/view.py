@@ -27,6 +27,6 @@ def view(
     port: Annotated[int, typer.Option("--port", help="Port on 127.0.0.1; 0: any free one.", min=0, max=65535)] = 0,
 ) -> None:
     """Serve until interrupted."""
-    from surfuse.pipeline import reporting
+    from surfuse.commands.maps import report as reporting
 
     reporting.view(run, port)

@@ -35,7 +35,7 @@ def why(
     quiet: options.Quiet = False,
 ) -> int:
     """Explain a cell."""
-    from surfuse.pipeline import why as work
+    from surfuse.commands.explain import why as work
 
     outcome = work.why(surface, u_mm, v_mm, log)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

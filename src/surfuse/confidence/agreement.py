@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from surfuse.confidence.columns import ScanColumns
+from surfuse.fusing.columns import ScanColumns
 from surfuse.geometry.compiled import compiled
 from surfuse.records import FloatArray, IntArray
 

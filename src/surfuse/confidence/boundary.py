@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from surfuse.confidence.columns import ScanColumns
 from surfuse.confidence.gate import Limits
+from surfuse.fusing.columns import ScanColumns
 from surfuse.geometry.compiled import compiled
 from surfuse.records import FloatArray, IntArray
 

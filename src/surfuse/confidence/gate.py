@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from surfuse.confidence.columns import ScanColumns
 from surfuse.confidence.outline_view import eye_of, seen_at
 from surfuse.confidence.parameters import check_within
+from surfuse.fusing.columns import ScanColumns
 from surfuse.geometry.compiled import compiled
 from surfuse.geometry.polygons import signed_distance_at, signed_distances_into
 from surfuse.geometry.poses import inverse

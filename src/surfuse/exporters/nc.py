@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from surfuse.durable import replacing
-from surfuse.exporters.map_layers.native import write_native
-from surfuse.exporters.map_layers.native_reader import read_native, read_native_points
+from surfuse.map_files.native import write_native
+from surfuse.map_files.native_reader import read_native, read_native_points
 from surfuse.records import FusedPoints, SurfaceMap
 
 SUFFIXES = (".nc", ".nc4")

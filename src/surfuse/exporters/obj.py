@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from surfuse.exporters.map_layers.mesh_files import write_mesh
+from surfuse.map_files.mesh_files import write_mesh
 from surfuse.records import SurfaceMap
 
 SUFFIXES = (".obj",)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from surfuse.durable import write_bytes
-from surfuse.exporters.map_layers.triangles import mesh_of
+from surfuse.map_files.triangles import mesh_of
 from surfuse.records import SurfaceMap
 
 MEASURED_RGB, PRIOR_RGB = (86, 180, 233), (150, 150, 150)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from surfuse.durable import write_bytes
-from surfuse.exporters.map_layers.heights import equal_step, heights_or_nan
+from surfuse.map_files.heights import equal_step, heights_or_nan
 from surfuse.records import SurfaceMap
 
 SUFFIXES = (".png",)

@@ -9,7 +9,7 @@ import sdfio
 
 from surfuse.durable import write_bytes
 from surfuse.errors import DataError, StorageError
-from surfuse.exporters.map_layers.heights import equal_step, heights_or_nan, map_of_heights
+from surfuse.map_files.heights import equal_step, heights_or_nan, map_of_heights
 from surfuse.records import SurfaceMap
 
 SUFFIXES = (".sdf",)

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from surfuse.beam_model.echo.detector import DetectorModel
+from surfuse.beam_model.map.estimate import estimate_map
+from surfuse.beam_model.map.live import LiveMap
 from surfuse.errors import ConfigError, DataError
 from surfuse.fusion import median
-from surfuse.fusion.beam_model.echo import DetectorModel
-from surfuse.fusion.beam_model.live import LiveMap
-from surfuse.fusion.beam_model.maps import estimate_map
 from surfuse.interfaces import FusionMethod
 from surfuse.records import (
     FusedPoint,

@@ -14,12 +14,12 @@ import numpy as np
 
 from surfuse.confidence.gate import GateParameters
 from surfuse.confidence.parameters import check_within
-from surfuse.fusion.field_methods.cones import columns_within, nearest_node, shell
-from surfuse.fusion.field_methods.mapwise import Estimate, mapwise
-from surfuse.fusion.field_methods.places import covered
-from surfuse.fusion.field_methods.support import telling
-from surfuse.fusion.field_methods.survey import Survey
-from surfuse.fusion.field_methods.voxels import columns_over
+from surfuse.fusing.cones import columns_within, nearest_node, shell
+from surfuse.fusing.despiking import telling
+from surfuse.fusing.mapwise import Estimate, mapwise
+from surfuse.fusing.places import covered
+from surfuse.fusing.survey import Survey
+from surfuse.fusing.voxels import columns_over
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
 from surfuse.records import BoolArray, FloatArray, IntArray, MapGrid

@@ -16,12 +16,12 @@ from scipy.spatial import cKDTree
 
 from surfuse.confidence.gate import GateParameters
 from surfuse.confidence.parameters import check_within
-from surfuse.fusion.field_methods.covariances import Covariance, chosen
-from surfuse.fusion.field_methods.mapwise import Estimate, mapwise
-from surfuse.fusion.field_methods.places import covered, nodes_of
-from surfuse.fusion.field_methods.sites import Sites, mean_sites
-from surfuse.fusion.field_methods.support import telling
-from surfuse.fusion.field_methods.survey import Survey
+from surfuse.fusing.covariances import Covariance, chosen
+from surfuse.fusing.despiking import telling
+from surfuse.fusing.mapwise import Estimate, mapwise
+from surfuse.fusing.places import covered, nodes_of
+from surfuse.fusing.sites import Sites, mean_sites
+from surfuse.fusing.survey import Survey
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FloatArray, IntArray, MapGrid
 

@@ -19,11 +19,11 @@ from typing import NamedTuple
 import numpy as np
 
 from surfuse.confidence.agreement import median_of_sorted
-from surfuse.confidence.columns import PointColumns, ScanColumns
 from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate
 from surfuse.confidence.parameters import check_within
-from surfuse.confidence.sweepwise import SweepwiseFusion
-from surfuse.fusion.field_methods.plane_filter import Memory, begin, judge, move, update
+from surfuse.fusing.columns import PointColumns, ScanColumns
+from surfuse.fusing.plane_filter import Memory, begin, judge, move, update
+from surfuse.fusing.sweepwise import SweepwiseFusion
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FloatArray, Gap, IntArray

@@ -16,10 +16,10 @@ import numpy as np
 
 from surfuse.confidence.gate import GateParameters
 from surfuse.confidence.parameters import check_within
-from surfuse.fusion.field_methods.mapwise import Estimate, mapwise
-from surfuse.fusion.field_methods.places import covered, half_cells
-from surfuse.fusion.field_methods.support import telling
-from surfuse.fusion.field_methods.survey import Survey
+from surfuse.fusing.despiking import telling
+from surfuse.fusing.mapwise import Estimate, mapwise
+from surfuse.fusing.places import covered, half_cells
+from surfuse.fusing.survey import Survey
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FloatArray, IntArray, MapGrid

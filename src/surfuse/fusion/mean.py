@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfuse.confidence.columns import PointColumns, ScanColumns
 from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate
-from surfuse.confidence.sweepwise import BLOCK, SweepwiseFusion, block_readings
-from surfuse.confidence.uncertainty import sigma_of_average
+from surfuse.fusing.columns import PointColumns, ScanColumns
+from surfuse.fusing.sweepwise import BLOCK, SweepwiseFusion, block_readings
+from surfuse.fusing.uncertainty import sigma_of_average
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
 

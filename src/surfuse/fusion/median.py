@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.confidence.agreement import median_of_sorted, sort_into
-from surfuse.confidence.columns import PointColumns, ScanColumns
 from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate
-from surfuse.confidence.sweepwise import BLOCK, SweepwiseFusion, block_readings
+from surfuse.fusing.columns import PointColumns, ScanColumns
+from surfuse.fusing.sweepwise import BLOCK, SweepwiseFusion, block_readings
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FloatArray, IntArray

@@ -23,13 +23,13 @@ import numpy as np
 
 from surfuse.confidence.gate import GateParameters
 from surfuse.confidence.parameters import check_within
-from surfuse.fusion.field_methods.cones import columns_between, columns_within, nearest_node
-from surfuse.fusion.field_methods.mapwise import Estimate, mapwise
-from surfuse.fusion.field_methods.places import covered
-from surfuse.fusion.field_methods.sonar_model import FAR, SonarModel, along_axis, in_cone, share_of, table_of_empty
-from surfuse.fusion.field_methods.support import telling
-from surfuse.fusion.field_methods.survey import Survey
-from surfuse.fusion.field_methods.voxels import columns_over
+from surfuse.fusing.cones import columns_between, columns_within, nearest_node
+from surfuse.fusing.despiking import telling
+from surfuse.fusing.mapwise import Estimate, mapwise
+from surfuse.fusing.places import covered
+from surfuse.fusing.sonar_model import FAR, SonarModel, along_axis, in_cone, share_of, table_of_empty
+from surfuse.fusing.survey import Survey
+from surfuse.fusing.voxels import columns_over
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
 from surfuse.records import BoolArray, FloatArray, MapGrid

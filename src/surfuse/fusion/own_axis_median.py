@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from surfuse.confidence.gate import GateParameters
-from surfuse.fusion.field_methods.mapwise import Estimate, mapwise
-from surfuse.fusion.field_methods.places import covered
-from surfuse.fusion.field_methods.sites import at_least_scatter, between, median_sites
-from surfuse.fusion.field_methods.support import telling
-from surfuse.fusion.field_methods.survey import Survey
+from surfuse.fusing.despiking import telling
+from surfuse.fusing.mapwise import Estimate, mapwise
+from surfuse.fusing.places import covered
+from surfuse.fusing.sites import at_least_scatter, between, median_sites
+from surfuse.fusing.survey import Survey
 from surfuse.interfaces import FusionMethod
 from surfuse.records import MapGrid
 

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfuse.confidence.columns import PointColumns, ScanColumns
 from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate
 from surfuse.confidence.parameters import check_within
-from surfuse.confidence.sweepwise import BLOCK, SweepwiseFusion, block_readings
-from surfuse.fusion.field_methods.mapwise import Estimate, MapwiseFusion
-from surfuse.fusion.field_methods.places import covered
-from surfuse.fusion.field_methods.sites import at_least_scatter, between, mean_sites
-from surfuse.fusion.field_methods.survey import Survey
+from surfuse.fusing.columns import PointColumns, ScanColumns
+from surfuse.fusing.mapwise import Estimate, MapwiseFusion
+from surfuse.fusing.places import covered
+from surfuse.fusing.sites import at_least_scatter, between, mean_sites
+from surfuse.fusing.survey import Survey
+from surfuse.fusing.sweepwise import BLOCK, SweepwiseFusion, block_readings
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
 from surfuse.records import IntArray, MapGrid

@@ -11,8 +11,8 @@ from surfuse.interfaces import Clock
 from surfuse.node.catalogue import Catalogue, Rejection
 from surfuse.node.counters import Event, Tally
 from surfuse.node.exchange import Exchange
+from surfuse.node.failures import no_adapter, no_answer, no_heartbeat, two_nodes
 from surfuse.node.link import Arrival, Link
-from surfuse.node.lost_node import no_adapter, no_answer, no_heartbeat, two_nodes
 from surfuse.node.messages import (
     ALL_SENSORS,
     MAX_ATTEMPTS,
@@ -29,7 +29,7 @@ from surfuse.node.messages import (
     Subject,
     Trigger,
 )
-from surfuse.node.patience import Patience
+from surfuse.node.timeouts import Patience
 from surfuse.node.watch import NodeWatch, Verdict
 from surfuse.records import SensorSpec
 

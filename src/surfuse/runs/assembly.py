@@ -12,13 +12,7 @@ from surfuse.geometry.poses import FloatArray, inverse, transform_points
 from surfuse.records import IntArray, Readings, SensorSpec, Status
 from surfuse.runs.scan_log import ScanLog
 from surfuse.runs.side_files import RangeCorrection, read_frame, read_outline
-from surfuse.runs.sweep_grouping import (
-    estimate_part_frame,
-    grip_poses,
-    group_by_repeat,
-    row_numbers,
-    sweep_means,
-)
+from surfuse.runs.sweep_grouping import estimate_part_frame, grip_poses, group_by_repeat, row_numbers, sweep_means
 
 
 @dataclass(frozen=True)

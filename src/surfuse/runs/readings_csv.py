@@ -15,14 +15,7 @@ from surfuse.runs.assembly import SingleReadings, assemble, status_of_range
 from surfuse.runs.csv_source import OPTIONAL, REQUIRED
 from surfuse.runs.csv_table import UNKNOWN_STATUS, CsvTable, read_csv_table
 from surfuse.runs.scan_log import AssumedSensor, ScanLog
-from surfuse.runs.side_files import (
-    METRES_LIMIT,
-    frame_toml,
-    outline_csv,
-    read_corrections,
-    read_sensors,
-    sensors_toml,
-)
+from surfuse.runs.side_files import METRES_LIMIT, frame_toml, outline_csv, read_corrections, read_sensors, sensors_toml
 
 _UNIT_TOLERANCE = 1e-3
 _EXACT_UNIT = 1e-9

@@ -14,8 +14,8 @@ import numpy as np
 
 from surfuse.errors import ConfigError
 from surfuse.records import SensorSpec, Status
-from surfuse.sensors.serial_line.frames import LineReading, SummedFrames, without_range
-from surfuse.sensors.serial_line.ranger import SerialRanger
+from surfuse.serial_line.frames import LineReading, SummedFrames, without_range
+from surfuse.serial_line.ranger import SerialRanger
 
 _BAUD_BPS = 9_600
 _TOO_CLOSE_MM = 30

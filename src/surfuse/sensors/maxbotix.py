@@ -17,8 +17,8 @@ import numpy as np
 
 from surfuse.errors import ConfigError, nearest
 from surfuse.records import SensorSpec, Status
-from surfuse.sensors.serial_line.frames import LineReading, without_range
-from surfuse.sensors.serial_line.ranger import SerialRanger
+from surfuse.serial_line.frames import LineReading, without_range
+from surfuse.serial_line.ranger import SerialRanger
 
 _LINE_MAX_BYTES = 64
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from surfuse.errors import ConfigError, nearest
 from surfuse.records import SensorSpec, Status
-from surfuse.sensors.serial_line.frames import LineReading, SummedFrames, without_range
-from surfuse.sensors.serial_line.ranger import SerialRanger
+from surfuse.serial_line.frames import LineReading, SummedFrames, without_range
+from surfuse.serial_line.ranger import SerialRanger
 
 _BAUD_BPS = 115_200
 _NOTHING_CM = 1_200

@@ -10,7 +10,7 @@ import numpy as np
 
 from surfuse.errors import DataError
 from surfuse.records import FloatArray, Regime, SurfaceMap
-from surfuse.surface.compare import error_map
+from surfuse.surface.score import error_map
 
 LEVELS = (0.50, 0.90, 0.99)
 """Probabilities of the central intervals."""

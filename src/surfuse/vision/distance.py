@@ -13,8 +13,8 @@ import numpy as np
 
 from surfuse.errors import ConfigError, DataError
 from surfuse.records import CameraFrame, FloatArray, IntArray
-from surfuse.vision.foot import cut_below, foot_points
 from surfuse.vision.plane import on_plane, viewing_direction
+from surfuse.vision.table_contact import cut_below, foot_points
 
 _DEPRESSION_MIN = 1e-3
 

@@ -9,8 +9,8 @@ import numpy as np
 from surfuse.geometry.poses import frame_from_axes, inverse, transform_points
 from surfuse.records import CameraFrame, Detection, FloatArray, IntArray, Outline
 from surfuse.vision.distance import Distance, ProjectionSigmas
-from surfuse.vision.foot import cut_below, foot_points
 from surfuse.vision.plane import on_plane, rightwards, viewing_direction
+from surfuse.vision.table_contact import cut_below, foot_points
 
 
 def project_outline(

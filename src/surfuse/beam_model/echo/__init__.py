@@ -1,0 +1,1 @@
+"""What a sensor hears of a surface, and when: beam, detector, first arrivals, free space."""

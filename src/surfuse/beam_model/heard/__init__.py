@@ -1,0 +1,1 @@
+"""What was heard: stations, wavefronts, the domain that they cover."""

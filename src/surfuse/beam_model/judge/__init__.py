@@ -1,0 +1,1 @@
+"""The judgement of what was found: held-out readings, rival explanations, plain surfaces."""

@@ -1,0 +1,1 @@
+"""From readings to the finished map, whole, in tiles, or live."""

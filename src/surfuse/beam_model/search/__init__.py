@@ -1,0 +1,1 @@
+"""The search for the surface that explains the readings best."""

@@ -1,0 +1,137 @@
+"""Edges move by whole cells: pieces of the surface grow sideways where that explains the readings better."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from surfuse.beam_model.prior.raster import slopes
+from surfuse.beam_model.prior.smoothness import Stiffness
+from surfuse.beam_model.search.descent import descend, objective
+from surfuse.beam_model.search.estimation import Arrivals, Problem, arrivals, misfit, reach
+from surfuse.beam_model.search.unheld_pieces import laid_onto, pieces
+from surfuse.records import BoolArray, FloatArray, IntArray
+
+DIRECTIONS = ((0, 1), (0, -1), (1, 0), (-1, 0))
+SMALLEST_PIECE = 4
+MOST_PIECES = 6
+ROUNDS = 12
+MOST_MERGES = 24
+REACH = (1, 2, 4)
+# The readings at an edge share the errors of the model: so many units of evidence are worth one.
+EDGE_TEMPER = 4.0
+
+
+def grown(
+    height: FloatArray, su: FloatArray, sv: FloatArray, member: BoolArray, domain: BoolArray, g_m: float,
+    direction: tuple[int, int], cells: int,
+) -> FloatArray:  # fmt: skip
+    """The surface (R, C) with one piece continued by some cells in one direction over its neighbours."""
+    dj, di = direction
+    result, inside = height.copy(), member.copy()
+    tall, wide = height.shape
+    target = (slice(max(dj, 0), tall + min(dj, 0)), slice(max(di, 0), wide + min(di, 0)))
+    source = (slice(max(-dj, 0), tall + min(-dj, 0)), slice(max(-di, 0), wide + min(-di, 0)))
+    lean_u, lean_v = su.copy(), sv.copy()
+    for _ in range(cells):
+        fresh = np.zeros_like(inside)
+        fresh[target] = inside[source] & ~inside[target] & domain[target]
+        carried = np.zeros_like(result)
+        carried[target] = result[source] + g_m * (di * lean_u[source] + dj * lean_v[source])
+        lean_u[target] = np.where(fresh[target], lean_u[source], lean_u[target])
+        lean_v[target] = np.where(fresh[target], lean_v[source], lean_v[target])
+        result = np.where(fresh, carried, result)
+        inside |= fresh
+    return result
+
+
+def candidates(number: IntArray) -> list[int]:
+    """Largest pieces, if there is more than one."""
+    names, sizes = np.unique(number[number >= 0], return_counts=True)
+    order = np.argsort(-sizes)
+    large = [int(names[k]) for k in order[:MOST_PIECES] if sizes[k] >= SMALLEST_PIECE]
+    return large if len(large) > 1 else []
+
+
+def merge_small(
+    p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float
+) -> tuple[FloatArray, Arrivals]:
+    """Lay small pieces onto their surroundings wherever the readings do not pay for the edge around them."""
+    r = p.raster
+    now = objective(p, height, heard, stiffness, 0.0)
+    number = pieces(height, r.domain, r.g_m, 2.0 * crease_m)
+    names, sizes = np.unique(number[r.domain], return_counts=True)
+    for name in names[np.argsort(sizes)][:-1][:MOST_MERGES]:
+        piece = number == name
+        trial = laid_onto(height, r.domain & ~piece, piece, r.g_m, crease_m)
+        there = arrivals(p, trial, crease_m)
+        value = objective(p, trial, there, stiffness, 0.0)
+        if value < now:
+            height, heard, now = trial, there, value
+    return height, heard
+
+
+def settle(
+    p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float,
+    steps: tuple[int, ...] = REACH,
+) -> tuple[FloatArray, Arrivals]:  # fmt: skip
+    """Take the best move of all pieces and directions, settle the heights, and repeat while it helps."""
+    r = p.raster
+    height, heard = merge_small(p, height, heard, stiffness, crease_m)
+    now = objective(p, height, heard, stiffness, 0.0)
+    for _ in range(ROUNDS):
+        number = pieces(height, r.domain, r.g_m, 2.0 * crease_m)
+        su, sv, _, _, _ = slopes(height, r.domain, r.g_m, crease_m)
+        best, best_height = now, None
+        for name in candidates(number):
+            for direction in DIRECTIONS:
+                for cells in steps:
+                    trial = grown(height, su, sv, number == name, r.domain, r.g_m, direction, cells)
+                    value = objective(p, trial, arrivals(p, trial, crease_m), stiffness, 0.0)
+                    if value < best:
+                        best, best_height = value, trial
+        if best_height is None or now - best < 1.0:
+            break
+        height, heard = descend(p, best_height, stiffness, crease_m, (0.0,) * 3)
+        now = objective(p, height, heard, stiffness, 0.0)
+    return height, heard
+
+
+def rivals(p: Problem, height: FloatArray, stiffness: Stiffness, crease_m: float) -> tuple[FloatArray, FloatArray]:
+    """Second surface beside each edge (R, C; nan: none) and its probability, cell by cell.
+
+    The cell is put on the piece across the edge; the change of the objective, tempered, gives the odds of the two.
+    """
+    r = p.raster
+    number = pieces(height, r.domain, r.g_m, 2.0 * crease_m)
+    su, sv, _, _, _ = slopes(height, r.domain, r.g_m, crease_m)
+    heard = arrivals(p, height, crease_m)
+    cost, energy = misfit(p, heard, 0.0), p.plate.energy(height, stiffness)
+    middle = p.stations.position_m + p.stations.axis * p.stations.range_m[:, None]
+    near_m = float(np.median(p.stations.range_m)) * max(reach(table) for table in p.tables)
+    second, weight = np.full(height.shape, np.nan), np.zeros(height.shape)
+    for j, i, other in _across(number, height, su, sv, r.g_m):
+        trial = height.copy()
+        trial[j, i] = other
+        u, v = r.u0_m + i * r.g_m, r.v0_m + j * r.g_m
+        only = (middle[:, 0] - u) ** 2 + (middle[:, 1] - v) ** 2 < near_m**2
+        there = misfit(p, arrivals(p, trial, crease_m, only), 0.0)
+        change = float(np.sum((there - cost)[only])) + p.plate.energy(trial, stiffness) - energy
+        second[j, i], weight[j, i] = other, 1.0 / (1.0 + np.exp(np.clip(change / EDGE_TEMPER, -30.0, 30.0)))
+    return second, weight
+
+
+def _across(
+    number: IntArray, height: FloatArray, su: FloatArray, sv: FloatArray, g_m: float
+) -> list[tuple[int, int, float]]:
+    """Cells next to another piece, with the height of that piece continued to them (the farther, if there are two)."""
+    found: dict[tuple[int, int], float] = {}
+    rows, cols = height.shape
+    for dj, di in DIRECTIONS:
+        a = number[max(-dj, 0) : rows - max(dj, 0), max(-di, 0) : cols - max(di, 0)]
+        b = number[max(dj, 0) : rows + min(dj, 0), max(di, 0) : cols + min(di, 0)]
+        for j, i in np.argwhere((a != b) & (a >= 0) & (b >= 0)):
+            here, there = (int(j + max(-dj, 0)), int(i + max(-di, 0))), (int(j + max(dj, 0)), int(i + max(di, 0)))
+            other = float(height[there] - g_m * (di * su[there] + dj * sv[there]))
+            if here not in found or abs(other - height[here]) > abs(found[here] - height[here]):
+                found[here] = other
+    return [(j, i, other) for (j, i), other in sorted(found.items())]

@@ -1,0 +1,1 @@
+"""The main job: search, outline, plan, scan, fuse, map; and the paper, reproduced."""

@@ -1,0 +1,169 @@
+"""The whole acquisition on one screen: search, outline, plan, scan, fuse, map, report."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+
+from surfuse.commands.acquire.locating import finder, locate
+from surfuse.commands.acquire.plan_and_walk import go_to_start, plan_for, scene_of, smooth_walk, walk
+from surfuse.commands.acquire.results import Finished, bus_event, finish, outcome_of
+from surfuse.commands.acquire.warm_up import warm_up_beside
+from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.outcome import Outcome, Watcher
+from surfuse.errors import DataError, DeviceError, InterruptError, SafetyStopError, StorageError
+from surfuse.interfaces import FusionMethod
+from surfuse.records import FusionScene, ScanPlan, Sweep
+from surfuse.rig.devices import Cell
+from surfuse.rig.simulated.assembly import build_cell
+from surfuse.runs.configuration import read_configuration, write_configuration
+from surfuse.runs.folder import RunFolder
+from surfuse.runs.log_records import Level, LogEvent
+from surfuse.runs.log_writer import LogWriter
+from surfuse.runs.progress import ScanProgress, read_progress
+from surfuse.settings import Settings, from_tree
+
+
+def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
+    """Acquire the surface of the part in the cell into a new run folder.
+
+    Raises
+    ------
+    SurfuseError : with the exit status of its kind; whatever was scanned before is on disk.
+    """
+    began = time.perf_counter()
+    settings = _from_anywhere(settings)
+    finder(settings)  # an unknown threshold is refused before anything is written
+    method, cell = create_method(settings.fusion), build_cell(settings)
+    run = RunFolder.create(out or default_folder(settings.scene.name))
+    with run.lock(), _resumable(run):
+        write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
+        return outcome_of(_acquire(run, settings, cell, method, watcher), run, began)
+
+
+def resume(path: Path, watcher: Watcher) -> Outcome:
+    """Go on with an interrupted acquisition; the map is the one that the uninterrupted run would have given.
+
+    A run that is complete already is left as it is.
+
+    Raises
+    ------
+    DataError : not a run folder of an acquisition.
+    StorageError : another process is writing in it.
+    """
+    began = time.perf_counter()
+    run = RunFolder.open(path, need_log=False)
+    tables, seed = read_configuration(run.configuration)
+    if "source" in tables:
+        raise DataError(
+            "this run was fused from a log, there is nothing to resume",
+            where=str(path),
+            cure="give the folder of an acquisition, or use 'surfuse fuse'",
+        )
+    settings = from_tree({**tables, "seed": seed}, str(run.configuration))
+    if all(file.is_file() for file in (run.surface, run.summary, run.report)):
+        return _complete(run)
+    method, cell = create_method(settings.fusion), build_cell(settings)
+    with run.lock(), _resumable(run):
+        return outcome_of(_acquire(run, settings, cell, method, watcher), run, began)
+
+
+def _complete(run: RunFolder) -> Outcome:
+    """The result of a run that was finished before; the report is the last file that an acquisition writes."""
+    try:
+        data = json.loads(run.summary.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise StorageError(
+            f"cannot read it ({error})", where=str(run.summary), cure="remove it and resume again"
+        ) from error
+    rows = [("nothing to do", "the run is complete"), ("report", str(run.report))]
+    return Outcome({"run": str(run.path), **data, "report": str(run.report)}, rows)
+
+
+@contextmanager
+def _resumable(run: RunFolder) -> Iterator[None]:
+    """Say how to go on when the user stops the acquisition at once, or a device or the arm's supervision does."""
+    go_on = f"go on with 'surfuse resume {run.path}'"
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        raise InterruptError("interrupted; what was scanned is on disk", cure=go_on) from error
+    except (SafetyStopError, DeviceError) as error:
+        cure = f"{error.cure}; what was scanned is on disk, {go_on}"
+        raise type(error)(error.what, cure=cure.removeprefix("; "), where=error.where) from error
+
+
+@contextmanager
+def _noted(log: LogWriter, cell: Cell) -> Iterator[None]:
+    """Write down in the log why the arm or a device stopped the scan."""
+    try:
+        yield
+    except (SafetyStopError, DeviceError) as error:
+        name = "safety stop" if isinstance(error, SafetyStopError) else "device"
+        log.append_event(LogEvent(cell.clock.now_s(), Level.ERROR, name, error.what))
+        raise
+
+
+def _from_anywhere(settings: Settings) -> Settings:
+    """The same with the whole paths of mesh and arm files, so that a resume may start in another folder."""
+    mesh, arm = Path(settings.scene.name), settings.arm
+    scene = {"name": str(mesh.resolve())} if mesh.is_file() else {}
+    file = {} if arm.file is None else {"file": str(Path(arm.file).resolve())}
+    changed = {"scene": settings.scene.model_copy(update=scene), "arm": arm.model_copy(update=file)}
+    return settings.model_copy(update=changed)
+
+
+def _acquire(run: RunFolder, settings: Settings, cell: Cell, method: FusionMethod, watcher: Watcher) -> Finished:
+    for warning in cell.warnings:
+        watcher.warn(warning)
+    # Read before the writer opens: opening gives a killed segment its missing end.
+    progress = read_progress(run.path)
+    with warm_up_beside(method.name) as warm_up, cell.opened(), LogWriter(run.log) as log:
+        scene, plan, done = _begin(progress, settings, cell, log, watcher)
+        bring = partial(go_to_start, cell, settings, plan.outline, plan)
+        with _noted(log, cell):
+            state, sweeps, finished = walk(
+                cell, plan, scene, method, done, log, watcher, bring, smooth_walk(cell, settings)
+            )
+        if (trouble := bus_event(cell)) is not None:
+            log.append_event(trouble)
+        if warm_up is not None and finished:
+            watcher.stage("compile, once")
+            warm_up.wait()
+    return finish(run, settings, method, state, scene, plan, sweeps, cell, watcher, complete=finished)
+
+
+def _begin(
+    progress: ScanProgress | None, settings: Settings, cell: Cell, log: LogWriter, watcher: Watcher
+) -> tuple[FusionScene, ScanPlan, tuple[Sweep, ...]]:
+    """Scene, plan and what is scanned already: from the log of an interrupted run, else by looking."""
+    if progress is not None:
+        log.append_scene(progress.scene)
+        log.append_plan(progress.plan)
+        if progress.done:
+            cell.clock.advance(max(float(sweep.t_s.max()) for sweep in progress.done))
+        log.append_event(LogEvent(cell.clock.now_s(), Level.INFO, "resume", f"{len(progress.left)} stops are left"))
+        return progress.scene, progress.plan, progress.done
+    part = locate(cell, settings, watcher)
+    plan = plan_for(cell, settings, part.outline, watcher)
+    scene = scene_of(cell, settings, part.outline, plan)
+    log.append_scene(scene)
+    for found in part.parts:
+        log.append_frame(found.frame)
+    log.append_event(LogEvent(cell.clock.now_s(), Level.INFO, "search", f"part found after {part.pictures} pictures"))
+    log.append_plan(plan)
+    return scene, plan, ()
+
+
+def default_folder(scene: str) -> Path:
+    """`runs/<scene>-<date>-<time>`, counted up when it is taken."""
+    stem = f"{Path(scene).stem or 'scan'}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    candidate, count = Path("runs") / stem, 2
+    while candidate.exists():
+        candidate, count = Path("runs") / f"{stem}-{count}", count + 1
+    return candidate

@@ -1,0 +1,131 @@
+"""The first steps of an acquisition: search, centre, threshold, dominant points, scale (paper, section 3.1)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from surfuse.acquire.search import FoundPart, SearchParameters, SearchResult, search
+from surfuse.commands.outcome import Watcher
+from surfuse.errors import DataError
+from surfuse.records import CameraFrame, Detection, Outline, Status
+from surfuse.rig.devices import Cell, world_from_shoulder
+from surfuse.settings import Settings
+from surfuse.vision.distance import ShoulderRange
+from surfuse.vision.dominant_points import DominantPointParameters
+from surfuse.vision.outline import PartOutline, outline_part
+from surfuse.vision.part_finder import FindParameters, find_parts
+from surfuse.vision.table import TableRing
+
+SEARCH, RANGE = "search", "range"
+
+
+@dataclass(frozen=True)
+class LocatedPart:
+    """The part that will be scanned: the picture in which it is centred, what was seen, its outline in metres.
+
+    `parts` are all that were found, in order of angle, this one among them.
+    """
+
+    frame: CameraFrame
+    detection: Detection
+    outlined: PartOutline
+    pictures: int
+    parts: tuple[FoundPart, ...]
+
+    @property
+    def outline(self) -> Outline:
+        """The outline in the part frame, as seen."""
+        return self.outlined.outline
+
+
+def finder(settings: Settings) -> Callable[[CameraFrame], tuple[Detection, ...]]:
+    """The function that finds parts standing on the table in a picture."""
+    ring = TableRing(
+        settings.cell.table_height_m, settings.cell.table_inner_radius_m, settings.cell.table_outer_radius_m
+    )
+    smallest_px = settings.search.smallest_part_m / settings.cell.table_outer_radius_m
+    area_px = 0.25 * smallest_px**2 * settings.camera.fx_px * settings.camera.fy_px
+    parameters = FindParameters(method=settings.search.threshold, area_min_px=max(area_px, 16.0))
+    return lambda frame: find_parts(frame, parameters, ring)
+
+
+def locate(cell: Cell, settings: Settings, watcher: Watcher) -> LocatedPart:
+    """Search, centre, threshold, dominant points, scale (paper, section 3.1).
+
+    Raises
+    ------
+    DataError : no part was seen in a whole turn, or fewer than the one that is asked for.
+    """
+    # Beyond half a turn each way the camera would see the same again.
+    lower = max(float(cell.arm.kinematics.lower_rad[0]), -np.pi)
+    upper = min(float(cell.arm.kinematics.upper_rad[0]), np.pi)
+    increment = np.radians(settings.search.increment_deg)
+    watcher.stage("search", int((upper - lower) / increment) + 1)
+    pictures = 0
+
+    def capture(joint1_rad: float) -> CameraFrame:
+        nonlocal pictures
+        cell.begin(SEARCH, pictures)
+        pictures += 1
+        watcher.advance()
+        return cell.look(joint1_rad)
+
+    every = settings.search.all_parts or settings.search.part > 1
+    turn = SearchParameters(increment_rad=float(increment), all_parts=every)
+    found = search(capture, finder(settings), lower, upper, turn)
+    chosen = _wanted(found, settings.search.part)
+    if len(found.parts) > 1:
+        watcher.warn(f"{len(found.parts)} parts found: {_told(found.parts)}; part {settings.search.part} is scanned")
+    if found.visited_rad[-1] != chosen.angle_rad:
+        capture(chosen.angle_rad)  # the ranger sits beside the camera: it must look at this part again
+    return _outlined(cell, settings, chosen, pictures, found.parts)
+
+
+def _wanted(found: SearchResult, number: int) -> FoundPart:
+    """The part of this number, counted from 1 in order of angle."""
+    looked = f"in {len(found.visited_rad)} pictures from {_degrees(min(found.visited_rad))} to "
+    looked += f"{_degrees(max(found.visited_rad))} degrees"
+    if not found.parts:
+        raise DataError(
+            f"no part seen {looked}",
+            cure="put a part on the table where the camera can see it, or change search.threshold",
+        )
+    if number > len(found.parts):
+        raise DataError(
+            f"search.part = {number}, but {len(found.parts)} seen {looked}: {_told(found.parts)}",
+            cure="give the number of one of them",
+        )
+    return found.parts[number - 1]
+
+
+def _told(parts: tuple[FoundPart, ...]) -> str:
+    return ", ".join(
+        f"part {number} at {_degrees(part.direction_rad)} degrees (confidence {part.detection.confidence:.2f})"
+        for number, part in enumerate(parts, start=1)
+    )
+
+
+def _degrees(angle_rad: float) -> str:
+    return f"{math.degrees(angle_rad):.0f}"
+
+
+def _outlined(
+    cell: Cell, settings: Settings, part: FoundPart, pictures: int, parts: tuple[FoundPart, ...]
+) -> LocatedPart:
+    """Range of the centred part, dominant points, pixels to metres."""
+    cell.begin(RANGE, 0)
+    echo = cell.ranger.fire()
+    place = world_from_shoulder(part.angle_rad) @ cell.shoulder_from_ranger
+    ranged = ShoulderRange(place[:3, 3], place[:3, 2], echo.range_m, cell.ranger.spec.sigma_m)
+    outlined = outline_part(
+        part.frame,
+        part.detection,
+        settings.cell.table_height_m,
+        ranged if echo.status == Status.OK else None,
+        DominantPointParameters(tolerance_px=settings.search.tolerance_px),
+    )
+    return LocatedPart(part.frame, part.detection, outlined, pictures, parts)

@@ -1,0 +1,144 @@
+"""From the fused readings to what a user gets: map, truth and score of the twin, summary, report."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import asdict, dataclass
+
+from surfuse import __version__
+from surfuse.commands.fuse.map_of_result import surface_of
+from surfuse.commands.judge.evaluation import edge_m, score_data, score_rows
+from surfuse.commands.maps.report import write_report
+from surfuse.commands.outcome import Outcome, Watcher, finite
+from surfuse.errors import DataError
+from surfuse.exporters import nc
+from surfuse.interfaces import FusionMethod
+from surfuse.plan.margin import margin_in_words
+from surfuse.records import FusionScene, Gap, ScanPlan, SurfaceMap, Sweep
+from surfuse.rig.devices import Cell, Truth
+from surfuse.runs.folder import RunFolder
+from surfuse.runs.log_records import Level, LogEvent
+from surfuse.settings import Settings
+from surfuse.surface.gridding import lattice
+from surfuse.surface.score import score
+from surfuse.surface.truth import truth_around
+
+_HARMLESS = ("frames", "foreign", "triggers", "readings")
+
+
+@dataclass(frozen=True)
+class Finished:
+    """What is known at the end: plain data, table lines, and whether the scan is complete."""
+
+    data: dict[str, object]
+    rows: list[tuple[str, str]]
+    complete: bool
+
+
+def bus_event(cell: Cell) -> LogEvent | None:
+    """What went wrong on the bus, for the log; None when nothing did, or there is no bus."""
+    counts = {} if cell.counters is None else asdict(cell.counters())
+    trouble = {name: count for name, count in counts.items() if count and name not in _HARMLESS}
+    if not trouble:
+        return None
+    text = ", ".join(f"{name} {count}" for name, count in trouble.items())
+    return LogEvent(cell.clock.now_s(), Level.WARN, "bus", text)
+
+
+def finish(
+    run: RunFolder,
+    settings: Settings,
+    method: FusionMethod,
+    state: object,
+    scene: FusionScene,
+    plan: ScanPlan,
+    sweeps: list[Sweep],
+    cell: Cell,
+    watcher: Watcher,
+    *,
+    complete: bool,
+) -> Finished:
+    """Map, score, summary and report of a finished scan; of an unfinished one only what is needed to say so.
+
+    Raises
+    ------
+    DataError : the scan is finished and everything is written, but not one cell of the map has a value.
+    """
+    robot_s = cell.clock.now_s()
+    data: dict[str, object] = {
+        "surfuse": __version__,
+        "scene": settings.scene.name,
+        "method": method.name,
+        "seed": settings.seed,
+        "complete": complete,
+        "stops": len(sweeps),
+        "stops_planned": len(plan),
+        "stops_skipped": len(plan.skipped),
+        "margin_mm": 1e3 * plan.outline.margin_m,
+        "outline_sigma_mm": None if scene.outline is None else 1e3 * float(scene.outline.sigma_m.max()),
+        "robot_time_s": robot_s,
+        "bus": None if cell.counters is None else asdict(cell.counters()),
+    }
+    if not complete:
+        return Finished(data, [("stops done", f"{len(sweeps)} of {len(plan)}")], complete=False)
+    watcher.stage("map")
+    grid = lattice(plan.uv_m, scene.world_from_part)
+    result = method.finish(state, grid)
+    surface = surface_of(result, grid, method.name, scene.outline)
+    nc.write(run.surface, surface, overwrite=True, points=result.points)
+    gaps = int((result.points.gap != int(Gap.NONE)).sum())
+    rows = []
+    if cell.truth is not None:
+        rows = _score(run, surface, cell.truth, data)
+    data["gaps"] = gaps
+    rows += [
+        ("stops", f"{len(sweeps)} scanned, {len(plan.skipped)} left out"),
+        *_margin_row(settings, scene, plan),
+        ("gaps", f"{gaps} stops without a value"),
+        ("robot time", f"{robot_s:.0f} s"),
+    ]
+    run.write_text(run.summary, json.dumps(finite(data), indent=2) + "\n")
+    watcher.stage("report")
+    write_report(run, run.report, overwrite=True)
+    if not surface.mask.any():
+        raise DataError(
+            f"the scan is complete, but none of its {len(sweeps)} stops gave a value",
+            where=str(run.path),
+            cure="the report says why; check scan.standoff_m, the kit's settings and how the part stands",
+        )
+    return Finished(data, rows, complete=True)
+
+
+def _margin_row(settings: Settings, scene: FusionScene, plan: ScanPlan) -> list[tuple[str, str]]:
+    if scene.outline is None:
+        return []
+    return [("margin", margin_in_words(scene.outline, plan.outline.margin_m, settings.scan.margin_m is not None))]
+
+
+def _score(run: RunFolder, surface: SurfaceMap, truth: Truth, data: dict[str, object]) -> list[tuple[str, str]]:
+    """Compare with the twin's truth, which is stored beside the map for later comparisons."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(truth.vertices_m, truth.triangles, process=False)
+    stored = mesh.export(file_type="ply")
+    run.write_bytes(run.truth, stored if isinstance(stored, bytes) else str(stored).encode())
+    found = score(surface, truth_around(truth.vertices_m, truth.triangles, surface.grid))
+    edge = edge_m(surface, truth.vertices_m, truth.triangles)
+    data.update(score_data(found))
+    rows = score_rows(found)
+    if not math.isnan(edge):
+        data["edge_mm"] = 1e3 * edge
+        rows.append(("edge of the step", f"{1e3 * edge:+.1f} mm"))
+    return rows
+
+
+def outcome_of(finished: Finished, run: RunFolder, began: float) -> Outcome:
+    """Add where it is and how long it took."""
+    wall_s = time.perf_counter() - began
+    summary = {"run": str(run.path), **finished.data, "wall_time_s": wall_s}
+    rows = [*finished.rows, ("wall time", f"{wall_s:.1f} s")]
+    if not finished.complete:
+        return Outcome(summary, [*rows, ("go on with", f"surfuse resume {run.path}")], complete=False)
+    return Outcome({**summary, "report": str(run.report)}, [*rows, ("report", str(run.report))])

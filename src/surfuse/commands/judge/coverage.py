@@ -1,0 +1,76 @@
+"""Is sigma honest: the intervals of a map, or of a log fused now, against the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from surfuse.commands.fuse.fuse_log import fused, grid_of
+from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.judge.evaluation import read_truth
+from surfuse.commands.maps.map_files import NATIVE, read_map
+from surfuse.commands.outcome import Outcome, Watcher
+from surfuse.records import SurfaceMap
+from surfuse.runs.scan_log import require_echoes
+from surfuse.runs.scan_source import load_scan
+from surfuse.settings import load
+from surfuse.surface.coverage import LEVELS, IntervalCoverage, interval_coverage
+
+MAP_SUFFIXES = (".nc", ".nc4")
+
+
+def coverage(log: Path, truth: Path, scale: float, overrides: Sequence[str], watcher: Watcher) -> Outcome:
+    """How often the truth lies within the 50, 90 and 99 % intervals, over all cells and regime by regime.
+
+    `log` is a map file or a finished run, whose map is taken as it is, or any log, which is fused now; a run is fused
+    again too when `overrides` name a method or a parameter.
+
+    Raises
+    ------
+    SurfuseError : the log, the map or the truth cannot be used, or they have no cell in common.
+    """
+    surface = _map_of(log, overrides, watcher)
+    found = interval_coverage(surface, read_truth(truth, surface.grid, scale))
+    summary: dict[str, object] = {
+        "log": str(log),
+        "truth": str(truth),
+        "method": surface.method,
+        "levels": list(LEVELS),
+        "regimes": {_name(one): _data(one) for one in found},
+    }
+    heads = "  ".join(f"{100 * level:.0f} %".rjust(6) for level in LEVELS)
+    rows = [("method", surface.method), ("cells within", f"{heads}   cells  rms z  RMSE mm  median sigma mm")]
+    rows += [(_name(one), _line(one)) for one in found]
+    return Outcome(summary, rows)
+
+
+def _map_of(log: Path, overrides: Sequence[str], watcher: Watcher) -> SurfaceMap:
+    finished = log.suffix.lower() in MAP_SUFFIXES or (log / NATIVE).is_file()
+    if finished and not overrides:
+        return read_map(log)
+    settings = load(None, overrides)
+    scan = load_scan(log)
+    for warning in scan.warnings:
+        watcher.warn(warning)
+    require_echoes(scan.readings, str(log))
+    return fused(scan, create_method(settings.fusion), grid_of(scan))[1]
+
+
+def _name(one: IntervalCoverage) -> str:
+    return "all" if one.regime is None else one.regime.name.lower()
+
+
+def _data(one: IntervalCoverage) -> dict[str, object]:
+    shares = {f"within_{100 * level:.0f}": share for level, share in zip(LEVELS, one.share, strict=True)}
+    return {
+        "cells": one.cells,
+        **shares,
+        "z_rms": one.z_rms,
+        "rmse_mm": 1e3 * one.rmse_m,
+        "median_sigma_mm": 1e3 * one.median_sigma_m,
+    }
+
+
+def _line(one: IntervalCoverage) -> str:
+    shares = "  ".join(f"{100 * share:5.1f}%" for share in one.share)
+    return f"{shares}  {one.cells:>6}  {one.z_rms:>5.2f}  {1e3 * one.rmse_m:>7.2f}  {1e3 * one.median_sigma_m:>15.2f}"

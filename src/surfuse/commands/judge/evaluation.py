@@ -1,0 +1,100 @@
+"""Maps against truth: scores as numbers, rows of a table, and plain data."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from surfuse.commands.maps.map_files import map_path, read_map
+from surfuse.commands.outcome import Outcome
+from surfuse.errors import DataError
+from surfuse.records import FloatArray, IntArray, MapGrid, Score, SurfaceMap
+from surfuse.surface.grids import refined
+from surfuse.surface.score import edge_error, score, share_within
+from surfuse.surface.truth import read_mesh, truth_around
+
+MESH_SUFFIXES = (".ply", ".stl", ".obj", ".glb", ".off")
+STEP_LEAST_M = 0.02
+_EDGE_REFINEMENT = 10
+NEAR_M = 0.003
+
+
+def evaluate(surface_path: Path, truth_path: Path, scale: float) -> Outcome:
+    """Error of a map file or run against a mesh in the frame of the readings, or against another map."""
+    surface = read_map(surface_path)
+    truth = read_truth(truth_path, surface.grid, scale)
+    found = score(surface, truth)
+    if found.cells == 0:
+        raise DataError(
+            "map and truth have no cell in common",
+            where=str(truth_path),
+            cure="give truth in the frame of the readings and in metres (see --scale)",
+        )
+    near = share_within(surface, truth, NEAR_M)
+    summary: dict[str, object] = {"map": str(map_path(surface_path)), "truth": str(truth_path), **score_data(found)}
+    summary |= {"method": surface.method, "within_3mm": near}
+    rows = [*score_rows(found), ("within 3 mm", f"{100.0 * near:.1f} % of the true part")]
+    edge = edge_of(surface, edge_truth(truth_path, surface.grid, scale))
+    if not math.isnan(edge):
+        summary["edge_mm"] = 1e3 * edge
+        rows.append(("edge of the step", f"{1e3 * edge:+.1f} mm"))
+    return Outcome(summary, rows)
+
+
+def read_truth(path: Path, grid: MapGrid, scale: float = 1.0) -> SurfaceMap:
+    """Truth from a file: a mesh in the world frame of the readings, or a map in any format or run folder."""
+    if path.is_file() and path.suffix.lower() in MESH_SUFFIXES:
+        vertices, triangles = read_mesh(path)
+        return truth_around(scale * vertices, triangles, grid)
+    return read_map(path)
+
+
+def edge_truth(path: Path, grid: MapGrid, scale: float = 1.0) -> SurfaceMap:
+    """Truth for the position of an edge: a mesh on a grid so much finer that its own steps do not count."""
+    if path.is_file() and path.suffix.lower() in MESH_SUFFIXES:
+        vertices, triangles = read_mesh(path)
+        return truth_around(scale * vertices, triangles, refined(grid, _EDGE_REFINEMENT))
+    return read_map(path)
+
+
+def score_data(found: Score) -> dict[str, object]:
+    """A score as plain data, in millimetres."""
+    return {
+        "rmse_mm": 1e3 * found.rmse_m,
+        "mae_mm": 1e3 * found.mae_m,
+        "bias_mm": 1e3 * found.bias_m,
+        "p95_mm": 1e3 * found.p95_m,
+        "coverage": found.coverage,
+        "cells": found.cells,
+    }
+
+
+def score_rows(found: Score) -> list[tuple[str, str]]:
+    """A score as lines of a table."""
+    return [
+        ("RMSE", f"{1e3 * found.rmse_m:.2f} mm"),
+        ("mean absolute error", f"{1e3 * found.mae_m:.2f} mm"),
+        ("bias", f"{1e3 * found.bias_m:+.2f} mm"),
+        ("95th percentile", f"{1e3 * found.p95_m:.2f} mm"),
+        ("coverage", f"{100.0 * found.coverage:.1f} % of the true part"),
+        ("cells", str(found.cells)),
+    ]
+
+
+def edge_m(surface: SurfaceMap, vertices_m: FloatArray, triangles: IntArray) -> float:
+    """Mean signed error of a step's position along v, against a truth mesh; nan where truth has no step."""
+    return edge_of(surface, truth_around(vertices_m, triangles, refined(surface.grid, _EDGE_REFINEMENT)))
+
+
+def edge_of(surface: SurfaceMap, truth: SurfaceMap) -> float:
+    """The same against a truth map in the part frame of the surface; nan in any other frame."""
+    same = np.allclose(truth.grid.world_from_part, surface.grid.world_from_part, rtol=0.0, atol=1e-9)
+    return edge_error(surface, truth, "v").bias_m if same and has_step(truth) else float("nan")
+
+
+def has_step(truth: SurfaceMap) -> bool:
+    """Whether truth jumps along v between neighbouring nodes by more than `STEP_LEAST_M`."""
+    jump = np.abs(np.diff(np.where(truth.mask, truth.height_m, np.nan), axis=0))
+    return bool(np.nanmax(jump, initial=0.0) > STEP_LEAST_M)

@@ -1,0 +1,169 @@
+"""Every fusion method on the same readings: a table, and a page with their maps in the same colours."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from surfuse import __version__, durable, registry
+from surfuse.commands.fuse.fuse_log import fused, grid_of, opened
+from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.judge.evaluation import NEAR_M, edge_of, edge_truth, has_step, read_truth, score_data
+from surfuse.commands.outcome import Outcome, Watcher
+from surfuse.errors import SurfuseError
+from surfuse.exporters import nc
+from surfuse.records import MapGrid, Score, SurfaceMap
+from surfuse.report.comparison import render_comparison
+from surfuse.report.content import ComparisonContent, Event, NamedMap, SceneComparison, ScoreRow
+from surfuse.runs.folder import RunFolder
+from surfuse.runs.scan_log import ScanLog
+from surfuse.settings import FusionSettings, load
+from surfuse.surface.score import score, share_within
+
+PAGE = "comparison.html"
+_WITH_TRUTH = "RMSE mm  p95 mm  bias mm  coverage  in 3 mm  edge mm  seconds"
+_WITHOUT = "cells  median sigma mm  seconds"
+
+
+@dataclass(frozen=True)
+class Against:
+    """Truth on the grid of the maps, and the finer one that places edges."""
+
+    surface: SurfaceMap
+    edges: SurfaceMap
+
+
+@dataclass(frozen=True)
+class MethodResult:
+    """One method on the readings: its map, or why it has none; its errors where the truth is known."""
+
+    name: str
+    seconds: float
+    surface: SurfaceMap | None = None
+    error: str = ""
+    found: Score | None = None
+    edge_m: float = math.nan
+    within: float = math.nan
+
+
+def compare(log: Path, truth: Path | None, out: Path | None, overrides: Sequence[str], watcher: Watcher) -> Outcome:
+    """Every fusion method on the same readings; against truth when there is one.
+
+    With `out`, the map of each method is written there as METHOD.nc, and all of them together as a page.
+    """
+    settings = load(None, overrides)
+    scan = opened(log, watcher)
+    grid = grid_of(scan)
+    against = Against(read_truth(truth, grid), edge_truth(truth, grid)) if truth is not None else None
+    folder = _empty_folder(out) if out is not None else None
+    names = registry.names("fusion")
+    watcher.stage("compare", len(names))
+    results: list[MethodResult] = []
+    for name in names:
+        results.append(result_of(scan, settings.fusion, name, grid, against))
+        watcher.advance()
+    summary: dict[str, object] = {"log": str(log), "methods": {one.name: _entry(one) for one in results}}
+    rows = [("method", _WITHOUT if against is None else _WITH_TRUTH), *((one.name, line_of(one)) for one in results)]
+    if folder is not None:
+        for one in results:
+            if one.surface is not None:
+                nc.write(folder / f"{one.name}.nc", one.surface)
+        page = render_comparison(_content(log, results, against))
+        durable.write_text(folder / PAGE, page, overwrite=False)
+        summary["page"] = str(folder / PAGE)
+        rows.append(("page", str(folder / PAGE)))
+    return Outcome(summary, rows)
+
+
+def result_of(
+    scan: ScanLog, settings: FusionSettings, name: str, grid: MapGrid, against: Against | None
+) -> MethodResult:
+    """One method on the readings of a scan. A method that cannot fuse them says why."""
+    began = time.perf_counter()
+    try:
+        _, surface = fused(scan, create_method(settings, name), grid)
+    except SurfuseError as error:
+        return MethodResult(name, time.perf_counter() - began, error=str(error))
+    seconds = time.perf_counter() - began
+    if against is None:
+        return MethodResult(name, seconds, surface)
+    return MethodResult(
+        name,
+        seconds,
+        surface,
+        found=score(surface, against.surface),
+        edge_m=edge_of(surface, against.edges),
+        within=share_within(surface, against.surface, NEAR_M),
+    )
+
+
+def _empty_folder(path: Path) -> Path:
+    run = RunFolder.create(path)
+    run.log.rmdir()
+    return path
+
+
+def _median_sigma_mm(surface: SurfaceMap) -> float:
+    sigma = surface.sigma_m[surface.mask]
+    return 1e3 * float(np.median(sigma)) if len(sigma) else math.nan
+
+
+def _entry(one: MethodResult) -> dict[str, object]:
+    if one.surface is None:
+        return {"error": one.error}
+    cells = int(one.surface.mask.sum())
+    entry: dict[str, object] = {"cells": cells, "median_sigma_mm": _median_sigma_mm(one.surface)}
+    entry["seconds"] = one.seconds
+    if one.found is not None:
+        entry |= score_data(one.found)
+        entry |= {"edge_mm": 1e3 * one.edge_m, "within_3mm": one.within}
+    return entry
+
+
+def line_of(one: MethodResult) -> str:
+    """A method as a line of the table."""
+    if one.surface is None:
+        return one.error
+    if one.found is None:
+        cells, sigma = int(one.surface.mask.sum()), _median_sigma_mm(one.surface)
+        return f"{cells:>5}  {sigma:>15.2f}  {one.seconds:>7.2f}"
+    return (
+        f"{1e3 * one.found.rmse_m:>7.2f} {1e3 * one.found.p95_m:>7.2f} {1e3 * one.found.bias_m:>8.2f} "
+        f"{100 * one.found.coverage:>8.1f}% {100 * one.within:>7.1f}% {1e3 * one.edge_m:>8.1f} {one.seconds:>8.2f}"
+    )
+
+
+def _content(log: Path, results: list[MethodResult], against: Against | None) -> ComparisonContent:
+    """The page: all maps in the same colours, a cut through all of them, the table of errors."""
+    scores = tuple(ScoreRow(one.name, one.found, one.edge_m) for one in results if one.found is not None)
+    stepped = against is not None and has_step(against.surface)
+    scene = SceneComparison(
+        name=log.resolve().stem,
+        maps=tuple(NamedMap(one.name, one.surface) for one in results if one.surface is not None),
+        truth=NamedMap("truth", against.surface) if against is not None else None,
+        scores=scores,
+        cut_along="v" if stepped else "u",
+        cut_at_m=_middle(results, stepped),
+    )
+    return ComparisonContent(
+        title=f"Fusion methods on '{log.resolve().stem}'",
+        scenes=(scene,),
+        introduction="Every method on the same readings, with its defaults. Hatched: only the prior speaks.",
+        made=f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
+        version=__version__,
+        events=tuple(Event(f"{one.name}: {one.error}", "warning") for one in results if one.surface is None),
+    )
+
+
+def _middle(results: list[MethodResult], stepped: bool) -> float:
+    for one in results:
+        if one.surface is not None:
+            nodes = one.surface.grid.u_m if stepped else one.surface.grid.v_m
+            return float(0.5 * (nodes[0] + nodes[-1]))
+    return 0.0

@@ -1,0 +1,1 @@
+"""What is installed and connected here, and the program of a sensor node."""

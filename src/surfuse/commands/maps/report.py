@@ -1,0 +1,249 @@
+"""The report of a run, made from what is on disk alone."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from surfuse import __version__, durable
+from surfuse.commands.acquire.search_view import found_parts
+from surfuse.commands.fuse.map_of_result import surface_of
+from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.judge.evaluation import edge_m
+from surfuse.commands.maps.map_files import NATIVE, map_path, read_map
+from surfuse.commands.outcome import Outcome
+from surfuse.errors import DataError, SurfuseError
+from surfuse.exporters import nc
+from surfuse.plan.margin import margin_in_words
+from surfuse.records import FloatArray, FusionScene, Readings, Score, SurfaceMap
+from surfuse.report.content import Event, KeyFigure, NamedMap, PlanView, ReportContent, Scenery, ScoreRow, plan_view
+from surfuse.report.page import render_report
+from surfuse.rig.simulated.arm import arm_model
+from surfuse.rig.simulated.assembly import square_fixture
+from surfuse.runs.configuration import read_configuration
+from surfuse.runs.folder import RunFolder
+from surfuse.runs.log_files import segment_paths
+from surfuse.runs.log_reader import read_log
+from surfuse.runs.log_records import Level, RunLog
+from surfuse.runs.scan_log import ScanLog
+from surfuse.runs.scan_source import load_scan
+from surfuse.settings import FusionSettings, Settings, from_tree
+from surfuse.surface.score import score
+from surfuse.surface.splines import spline_surface
+from surfuse.surface.truth import read_mesh, truth_around
+
+_LEVELS: dict[int, Literal["info", "warning", "error"]] = {
+    Level.INFO: "info",
+    Level.WARN: "warning",
+    Level.ERROR: "error",
+}
+
+
+PAPER = "weighted_average"
+
+
+def report(path: Path, file: Path | None, overwrite: bool, against: str | None = None) -> Outcome:
+    """Write the report of a run folder (again), beside another method on the same readings.
+
+    `against` defaults to the paper's method, or to `beam` for a run of the paper's.
+    """
+    run = RunFolder(path)
+    if not run.surface.is_file():
+        raise DataError(f"the folder holds no {NATIVE}", cure="finish the run with 'surfuse resume'", where=str(path))
+    target = file or run.report
+    method = nc.read(run.surface).method
+    write_report(run, target, overwrite, against=against or ("beam" if method == PAPER else PAPER))
+    return Outcome({"report": str(target)}, [("report", str(target))])
+
+
+def write_report(
+    run: RunFolder, target: Path, overwrite: bool = False, scan: ScanLog | None = None, against: str = PAPER
+) -> None:
+    """Render the page of a run and write it at once or not at all."""
+    durable.write_text(target, render_report(content_of(run, scan, against)), overwrite=overwrite)
+
+
+def view(path: Path, port: int) -> None:
+    """Serve the 3-D view of a run on this machine until Ctrl-C."""
+    from surfuse.report.viewer import serve
+
+    folder = RunFolder(path)
+    content = content_of(folder) if path.is_dir() else _map_alone(map_path(path))
+    serve(content, port, lambda address: print(f"{address}  (Ctrl-C ends)", flush=True))
+
+
+def _map_alone(path: Path) -> ReportContent:
+    return ReportContent(title=path.name, maps=(NamedMap("surface", read_map(path)),))
+
+
+def content_of(run: RunFolder, scan: ScanLog | None = None, against: str = PAPER) -> ReportContent:
+    """Everything of a run folder that the page can show, with the map of the method `against` beside its own.
+
+    A fused run has no log of its own: `scan` is the one that it was made from (default: read again from where it was,
+    if it is still there).
+    """
+    surface, points = nc.read(run.surface), nc.read_points(run.surface)
+    settings = _settings(run)
+    log = read_log(run.path) if run.log.is_dir() and segment_paths(run.log) else None
+    if log is None and scan is None:
+        scan = _source(run)
+    readings = log.readings() if log is not None and log.sweeps else scan.readings if scan is not None else None
+    data = json.loads(run.summary.read_text("utf-8")) if run.summary.is_file() else {}
+    spline = spline_surface(surface)
+    scene = log.scene if log is not None else scan.scene() if scan is not None else None
+    rival = _rival(against, surface, scene, readings, settings)
+    truth = _truth(run, surface)
+    name = settings.scene.name if settings and log else run.path.resolve().name
+    return ReportContent(
+        title=f"Surface of '{Path(name).name}'",
+        scene=Path(name).name if log else "",
+        method=surface.method,
+        made=f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
+        version=__version__,
+        figures=_figures(data, surface),
+        parts=found_parts(log, settings) if log is not None and settings is not None else (),
+        plan=_plan(log, settings),
+        maps=(NamedMap(surface.method, surface), NamedMap("spline", spline)),
+        rival=NamedMap(rival.method, rival) if rival is not None else None,
+        truth=NamedMap("truth", truth) if truth is not None else None,
+        points=points if points is not None and readings is not None and len(points) == readings.n_sweeps else None,
+        readings=readings,
+        arm_m=_skeleton(log, readings, settings),
+        scenery=_scenery(settings) if log else (),
+        scores=_scores(run, [surface, spline, *([rival] if rival is not None else [])]),
+        events=_events(log) if log is not None else _notes(scan),
+        configuration_toml=run.configuration.read_text("utf-8") if run.configuration.is_file() else "",
+    )
+
+
+def _source(run: RunFolder) -> ScanLog | None:
+    """The log that a fused run was made from, if it is still there and can be read."""
+    if not run.configuration.is_file():
+        return None
+    source = read_configuration(run.configuration)[0].get("source")
+    path = source.get("log") if isinstance(source, dict) else None
+    if not isinstance(path, str) or not Path(path).exists():
+        return None
+    try:
+        return load_scan(Path(path))
+    except SurfuseError:
+        # The report of the map does not depend on the log, which may have been changed since.
+        return None
+
+
+def _notes(scan: ScanLog | None) -> tuple[Event, ...]:
+    return tuple(Event(warning, "warning") for warning in scan.warnings) if scan is not None else ()
+
+
+def _settings(run: RunFolder) -> Settings | None:
+    if not run.configuration.is_file():
+        return None
+    tables, seed = read_configuration(run.configuration)
+    return from_tree({**{key: value for key, value in tables.items() if key != "source"}, "seed": seed})
+
+
+def _figures(data: dict[str, object], surface: SurfaceMap) -> tuple[KeyFigure, ...]:
+    """The headline: what the summary holds, in words."""
+    rows = [
+        ("rmse_mm", "RMSE", "{:.2f} mm", "root mean square error against the true part"),
+        ("p95_mm", "95th percentile", "{:.2f} mm", "95 % of the cells are nearer to the truth than this"),
+        ("edge_mm", "edge of the step", "{:+.1f} mm", "how far the higher side reaches out too far"),
+        ("coverage", "coverage", "{:.1%}", "share of the true part's cells that have a value"),
+        ("stops", "stops", "{:d}", "places where the array fired"),
+        ("gaps", "gaps", "{:d}", "stops without a fused value"),
+        ("robot_time_s", "robot time", "{:.0f} s", "what the arm and the sensors need"),
+    ]
+    found = [
+        KeyFigure(label, form.format(data[key]), hint) for key, label, form, hint in rows if data.get(key) is not None
+    ]
+    prior = int((surface.mask & ~surface.measured).sum())
+    if prior:
+        found.append(KeyFigure("prior only", f"{prior} cells", "have a value but no reading holds them; hatched below"))
+    sigma = surface.sigma_m[surface.mask]
+    if len(sigma):
+        found.append(KeyFigure("median sigma", f"{1e3 * float(np.median(sigma)):.2f} mm", "stated standard deviation"))
+    return tuple(found)
+
+
+def _plan(log: RunLog | None, settings: Settings | None) -> PlanView | None:
+    """The plan over the outline as the camera saw it, and why its margin is as large as it is."""
+    if log is None or log.plan is None or log.scene is None or log.scene.outline is None:
+        return None
+    given = settings is not None and settings.scan.margin_m is not None
+    text = margin_in_words(log.scene.outline, log.plan.outline.margin_m, given)
+    return plan_view(log.plan, log.scene.outline.vertices_m, text)
+
+
+def _truth(run: RunFolder, surface: SurfaceMap) -> SurfaceMap | None:
+    return truth_around(*read_mesh(run.truth), surface.grid) if run.truth.is_file() else None
+
+
+def _rival(
+    against: str, surface: SurfaceMap, scene: FusionScene | None, readings: Readings | None, settings: Settings | None
+) -> SurfaceMap | None:
+    """The map of another method from the same readings on the same grid; None when it is the same, or cannot fuse."""
+    if against == surface.method or scene is None or readings is None:
+        return None
+    method = create_method(settings.fusion if settings is not None else FusionSettings(), against)
+    try:
+        result = method.replay(scene, readings, surface.grid)
+    except DataError:
+        # What one method can fuse another may not; the report is about the first.
+        return None
+    found = surface_of(result, surface.grid, method.name, scene.outline)
+    return found if found.mask.any() else None
+
+
+def _scores(run: RunFolder, maps: list[SurfaceMap]) -> tuple[ScoreRow, ...]:
+    if not run.truth.is_file():
+        return ()
+    vertices, triangles = read_mesh(run.truth)
+
+    def found(candidate: SurfaceMap) -> Score:
+        return score(candidate, truth_around(vertices, triangles, candidate.grid))
+
+    return tuple(ScoreRow(one.method, found(one), edge_m(one, vertices, triangles)) for one in maps)
+
+
+def _skeleton(log: RunLog | None, readings: Readings | None, settings: Settings | None) -> FloatArray:
+    """Positions of the arm's joints at each sweep, for the replay."""
+    nothing = np.zeros((0, 0, 3))
+    if log is None or readings is None or settings is None:
+        return nothing
+    try:
+        arm = arm_model(settings, square_fixture(settings))
+    except SurfuseError:
+        # The arm's file may be gone by now; the report does without the arm then.
+        return nothing
+    joints = [sweep.joints_rad for sweep in log.sweeps]
+    if not joints or any(len(row) != len(arm.limits) for row in joints):
+        return nothing
+    return arm.link_poses(np.array(joints))[..., :3, 3]
+
+
+def _scenery(settings: Settings | None) -> tuple[Scenery, ...]:
+    """The ring table as a flat ring."""
+    if settings is None:
+        return ()
+    table, n = settings.cell, 96
+    angle = 2.0 * np.pi * np.arange(n) / n
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    rings = [
+        np.column_stack([radius * circle, np.full(n, table.table_height_m)])
+        for radius in (table.table_inner_radius_m, table.table_outer_radius_m)
+    ]
+    here, there = np.arange(n), (np.arange(n) + 1) % n
+    faces = np.vstack([np.column_stack([here, here + n, there + n]), np.column_stack([here, there + n, there])])
+    return (Scenery("table", np.vstack(rings), faces),)
+
+
+def _events(log: RunLog | None) -> tuple[Event, ...]:
+    if log is None:
+        return ()
+    told = [Event(f"{event.source}: {event.text}", _LEVELS[event.level], event.t_s) for event in log.events]
+    damaged = [Event(f"log: {damage.segment}: {damage.text}", "warning") for damage in log.damage]
+    return (*told, *damaged)

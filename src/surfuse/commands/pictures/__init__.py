@@ -1,0 +1,1 @@
+"""The vision steps alone, on any picture."""

@@ -1,0 +1,1 @@
+"""Rangers by themselves: data sheet and acceptance."""

@@ -1,0 +1,64 @@
+"""Readings of a known surface in a recorded log, with what was true."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from surfuse.errors import DataError, nearest
+from surfuse.records import Readings, SensorSpec
+from surfuse.rig.simulated.ranger_bench import Shots, shots_of
+from surfuse.runs.scan_source import load_scan
+from surfuse.surface.truth import check_mesh, read_mesh
+from surfuse.twin.materials import Material
+from surfuse.twin.scene import Body, Scene
+
+
+def shots_in_log(spec: SensorSpec, log: Path, truth: Path) -> Shots:
+    """The readings of a log whose axis meets the true surface; all sensors of the log when none has the spec's name.
+
+    The mesh is in the frame of the log, in metres.
+
+    Raises
+    ------
+    DataError : no readings, no mesh.
+    """
+    readings = load_scan(log).readings
+    vertices, faces = read_mesh(truth)
+    check_mesh(vertices, faces, str(truth))
+    scene = Scene([Body(vertices, faces, Material.PART, np.eye(4))])
+    names = [one.name for one in readings.specs]
+    mine = np.ones(len(readings.t_s), dtype=np.bool_)
+    if spec.name in names:
+        mine = readings.sensor == names.index(spec.name)
+    distance, triangle = scene.cast(readings.position_m[mine], readings.axis[mine])
+    met = np.isfinite(distance)
+    slope = np.abs(np.einsum("ij,ij->i", scene.normal[triangle[met]], readings.axis[mine][met]))
+    incidence = np.arccos(np.clip(slope, 0.0, 1.0))
+    found = shots_of(spec, distance[met], incidence, None, readings.range_m[mine][met])
+    return replace(found, t_s=readings.t_s[mine][met])
+
+
+def facing_shots(readings: Readings, distances_m: tuple[float, ...], spec: SensorSpec, where: str) -> Shots:
+    """Readings of a facing plate that stood at these distances one after the other, equally many at each.
+
+    Raises
+    ------
+    DataError : no such sensor, or the readings cannot be shared out among the distances.
+    """
+    names, name = [one.name for one in readings.specs], spec.name
+    if name not in names:
+        raise DataError(f"no sensor '{name}' in the log", cure=nearest(name, names), where=where)
+    mine = readings.sensor == names.index(name)
+    count = int(mine.sum())
+    if not distances_m or count < 2 * len(distances_m) or count % len(distances_m):
+        raise DataError(
+            f"{count} readings of '{name}' for {len(distances_m)} distances",
+            cure="record equally many at each distance, at least two, and name the distances in that order",
+            where=where,
+        )
+    axis_m = np.repeat(np.array(distances_m), count // len(distances_m))
+    found = shots_of(spec, axis_m, np.zeros(count), None, readings.range_m[mine])
+    return replace(found, t_s=readings.t_s[mine])

@@ -1,0 +1,1 @@
+"""What fusion methods are made of: columns, the per-stop adapter, sites, supports, their own uncertainty."""

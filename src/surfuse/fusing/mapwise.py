@@ -1,0 +1,130 @@
+"""Fusion methods that make their map from all readings at once: they collect live, and estimate at the end.
+
+Such a method is one function from a survey and a grid to heights. Live and replayed fusion bring the same readings in
+the same order to the same function, so the numbers agree to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from surfuse.confidence.gate import GateParameters
+from surfuse.errors import DataError
+from surfuse.fusing.places import counted, on_part, reach_of
+from surfuse.fusing.survey import Survey, survey
+from surfuse.fusion import median
+from surfuse.interfaces import FusionMethod
+from surfuse.records import (
+    BoolArray,
+    FloatArray,
+    FusedPoint,
+    FusedPoints,
+    FusionResult,
+    FusionScene,
+    MapGrid,
+    Readings,
+    Regime,
+    SurfaceMap,
+    Sweep,
+    readings_from_sweeps,
+)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Heights and their standard deviation (R, C), nan where there is none, and which readings (N,) they rest on."""
+
+    height_m: FloatArray
+    sigma_m: FloatArray
+    used: BoolArray
+
+
+Estimator = Callable[[Survey, MapGrid], Estimate]
+
+
+@dataclass
+class MapwiseState:
+    """Where a live fusion stands: the scene, the state of the points, the sweeps so far."""
+
+    scene: FusionScene
+    local: object
+    sweeps: list[Sweep] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class MapwiseFusion:
+    """A `FusionMethod` made of a name, a sweep-wise method for its points, and an estimator for its map."""
+
+    name: str
+    local: FusionMethod
+    estimator: Estimator
+
+    def start(self, scene: FusionScene) -> MapwiseState:
+        """A fresh state."""
+        return MapwiseState(scene, self.local.start(scene))
+
+    def step(self, state: object, sweep: Sweep) -> FusedPoint:
+        """Keep the sweep; the point of this stop is that of the sweep-wise method."""
+        own = self._own(state)
+        point = self.local.step(own.local, sweep)
+        own.sweeps.append(sweep)
+        return point
+
+    def finish(self, state: object, grid: MapGrid) -> FusionResult:
+        """The points so far and the map of all their readings."""
+        own = self._own(state)
+        points = self.local.finish(own.local, grid).points
+        return self._result(own.scene, readings_from_sweeps(own.scene.specs, own.sweeps), points, grid)
+
+    def replay(self, scene: FusionScene, readings: Readings, grid: MapGrid) -> FusionResult:
+        """The whole scan at once."""
+        return self._result(scene, readings, self.local.replay(scene, readings, grid).points, grid)
+
+    def _result(self, scene: FusionScene, readings: Readings, points: FusedPoints, grid: MapGrid) -> FusionResult:
+        heard = survey(scene, readings, points.gate, grid)
+        if len(heard) == 0:
+            nothing = np.full(grid.shape, np.nan)
+            estimate = Estimate(nothing, nothing, np.zeros(0, dtype=np.bool_))
+        else:
+            estimate = self.estimator(heard, grid)
+        return FusionResult(points, surface_of(self.name, heard, grid, estimate))
+
+    def _own(self, state: object) -> MapwiseState:
+        if not isinstance(state, MapwiseState):
+            raise DataError(
+                f"'{self.name}' was given a state of type {type(state).__name__}", cure="pass what its start() returned"
+            )
+        return state
+
+
+def mapwise(name: str, gates: GateParameters, estimator: Estimator) -> FusionMethod:
+    """The method whose points are the medians of the sweeps, and whose map is the estimator's."""
+    local = median.create(median.Parameters(gates.gate_footprints, gates.gate_allowance_m))
+    return MapwiseFusion(name, local, estimator)
+
+
+def surface_of(name: str, heard: Survey, grid: MapGrid, estimate: Estimate) -> SurfaceMap:
+    """The map of an estimate: nodes off the part are masked.
+
+    Count is the number of readings that the estimate rests on within reach of a node; confidence is their share of all
+    readings that were taken there, refused ones included.
+    """
+    with np.errstate(invalid="ignore"):
+        mask = np.isfinite(estimate.height_m) & (estimate.sigma_m > 0.0) & np.isfinite(estimate.sigma_m)
+    mask &= on_part(grid, heard.outline, estimate.height_m)
+    reach = reach_of(heard, grid)
+    count = counted(heard.foot_m[estimate.used, :2], grid, reach)
+    taken = np.maximum(counted(heard.seen_m, grid, reach), 1)
+    return SurfaceMap(
+        grid=grid,
+        height_m=np.where(mask, estimate.height_m, np.nan),
+        sigma_m=np.where(mask, estimate.sigma_m, np.nan),
+        confidence=np.where(mask, np.minimum(1.0, count / taken), 0.0),
+        count=np.where(mask, count, 0),
+        mask=mask,
+        regime=np.where(mask, int(Regime.MEASURED), int(Regime.EMPTY)).astype(np.uint8),
+        method=name,
+    )

@@ -1,0 +1,1 @@
+"""The simulated rig: the only door to the twin."""

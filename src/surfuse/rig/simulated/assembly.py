@@ -1,0 +1,264 @@
+"""Builds the simulated cell: the one place besides the pipeline that sees the world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from surfuse.cameras import simulated as simulated_camera
+from surfuse.errors import ConfigError
+from surfuse.geometry.poses import pose
+from surfuse.interfaces import Clock, RangeSensor
+from surfuse.node.link import BusParameters
+from surfuse.records import CameraModel, Fixture, FloatArray, SensorSpec
+from surfuse.rig import sequential_array as sequential
+from surfuse.rig.devices import Cell, Mount, SmoothMotion, Truth, world_from_shoulder
+from surfuse.rig.node_array import ArrayElsewhere, ArrayInProcess, elsewhere, in_process
+from surfuse.rig.simulated.arm import arm_in_cell
+from surfuse.sensors import polaroid
+from surfuse.sensors import simulated as simulated_sensor
+from surfuse.settings import NO_BUS, BusSettings, Settings
+from surfuse.twin.acoustics.air import AirParameters, speed_of_sound
+from surfuse.twin.acoustics.kit import TUBE, KitParameters
+from surfuse.twin.materials import with_roughness
+from surfuse.twin.optics import OpticsParameters
+from surfuse.twin.parts import Part, PartPose, make_part
+from surfuse.twin.scene import CellParameters, Scene
+from surfuse.twin.scene import build_cell as build_table
+from surfuse.twin.simultaneous_array import SimultaneousArray
+from surfuse.twin.tether import HostEnd, Place
+from surfuse.twin.world import Twin, TwinParameters, transducer_of
+
+ARM_REACH_M = 0.86
+PING_PERIOD_S = polaroid.SPEC.firing_time_s / polaroid.Parameters().pings
+NODE_GROUP = "239.74.163.2"
+
+
+class SimulatedClock:
+    """Time that passes only when a simulated device says so."""
+
+    def __init__(self) -> None:
+        self._now_s = 0.0
+
+    def now_s(self) -> float:
+        """Seconds since the start of the run."""
+        return self._now_s
+
+    def advance(self, duration_s: float) -> None:
+        """Let time pass."""
+        self._now_s += duration_s
+
+
+def build_cell(settings: Settings) -> Cell:
+    """The cell of the configuration, simulated.
+
+    Raises
+    ------
+    ConfigError, UsageError, DataError : the scene, the arm or a sensor cannot be built as configured.
+    """
+    if settings.array.sensor != "polaroid":
+        raise ConfigError(
+            f"array.sensor = '{settings.array.sensor}'", cure="the simulated cell has the sensor 'polaroid'"
+        )
+    world, part = build_world(settings)
+    clock = SimulatedClock()
+    fixture = square_fixture(settings)
+    mover = arm_in_cell(settings, fixture, world, clock)
+    arm = mover.arm
+    camera_place = camera_mount(settings).shoulder_from_device
+    ranger_place = ranger_mount(settings).shoulder_from_device
+
+    def on_shoulder(place: FloatArray) -> FloatArray:
+        placed: FloatArray = world_from_shoulder(float(arm.true_joints_rad[0])) @ place
+        return placed
+
+    sensors = array_sensors(settings, fixture, world, arm.true_tool_pose, clock)
+    stop = _Stop()
+
+    def begin(stage: str, index: int) -> None:
+        stop.stage, stop.index = stage, index
+        world.begin(stage, index)
+        arm.begin_stop()
+
+    def place() -> Place:
+        return Place(stop.stage, stop.index, clock.now_s(), arm.true_tool_pose())
+
+    together = fired_together(settings, fixture, world, arm.true_tool_pose, clock)
+    array = _array(settings, fixture, sensors, together, clock, place)
+    truth = Truth(*part.mesh())
+    return Cell(
+        clock=clock,
+        arm=arm,
+        camera=simulated_camera.create(world, camera_model(settings), partial(on_shoulder, camera_place), clock),
+        ranger=simulated_sensor.create(
+            shoulder_spec(settings), world, partial(on_shoulder, ranger_place), clock, settings.array.pings
+        ),
+        array=array,
+        ready_rad=mover.model.ready_rad,
+        shoulder_from_camera=camera_place,
+        shoulder_from_ranger=ranger_place,
+        clearance=mover.clearance,
+        link_poses=mover.model.link_poses,
+        begin=begin,
+        truth=truth,
+        warnings=part.warnings,
+        counters=(lambda: array.counters) if isinstance(array, ArrayInProcess | ArrayElsewhere) else None,
+        smooth=SmoothMotion(arm, mover.line_planner),
+        surround=mover.guard.surround,
+    )
+
+
+def build_world(settings: Settings) -> tuple[Twin, Part]:
+    """The twin with the ring table and the part, and the part by itself."""
+    table = CellParameters(
+        settings.cell.table_height_m, settings.cell.table_inner_radius_m, settings.cell.table_outer_radius_m
+    )
+    part = make_part(settings.scene.name, _part_pose(settings), table)
+    return Twin(Scene([*build_table(table), part.body]), _physics(settings), settings.seed), part
+
+
+def array_sensors(
+    settings: Settings, fixture: Fixture, world: Twin, world_from_grip: Callable[[], FloatArray], clock: Clock
+) -> tuple[RangeSensor, ...]:
+    """The simulated sensors of the array, wherever the grip truly is when they fire."""
+    between_s = PING_PERIOD_S if settings.scan.mode == "smooth" else 0.0
+    rate_hz = settings.kit.sample_rate_hz
+
+    def placed(index: int) -> FloatArray:
+        found: FloatArray = world_from_grip() @ fixture.grip_from_sensor[index]
+        return found
+
+    return tuple(
+        simulated_sensor.create(spec, world, partial(placed, index), clock, settings.pings, between_s, rate_hz)
+        for index, spec in enumerate(fixture.specs)
+    )
+
+
+def fired_together(
+    settings: Settings, fixture: Fixture, world: Twin, world_from_grip: Callable[[], FloatArray], clock: Clock
+) -> SimultaneousArray:
+    """The simulated sensors of the array as they send at the same moment."""
+    return SimultaneousArray(fixture, world, world_from_grip, clock, settings.pings, settings.kit.sample_rate_hz)
+
+
+def bus_parameters(bus: BusSettings) -> BusParameters:
+    """The adapter between two processes, as configured."""
+    options = (("port", bus.port),) if bus.interface == "udp_multicast" else ()
+    usual = NODE_GROUP if bus.interface == "udp_multicast" else "can0"
+    return BusParameters(bus.interface, bus.channel or usual, bus.bitrate_bps, options)
+
+
+@dataclass
+class _Stop:
+    """Which random streams the twin draws from."""
+
+    stage: str = "start"
+    index: int = 0
+
+
+def _array(
+    settings: Settings,
+    fixture: Fixture,
+    sensors: tuple[RangeSensor, ...],
+    together: SimultaneousArray,
+    clock: Clock,
+    place: Callable[[], Place],
+) -> sequential.SequentialArray | SimultaneousArray | ArrayInProcess | ArrayElsewhere:
+    """The sensors behind the configured bus."""
+    bus, at_once = settings.bus, settings.array.trigger == "simultaneous"
+    if bus.interface == NO_BUS:
+        return together if at_once else sequential.create(fixture, sensors)
+    if bus.interface == "virtual":
+        return in_process(fixture, sensors, bus.node, clock, together.volley, at_once)
+    tether = HostEnd(bus.tether_port, settings.model_dump(), place) if bus.tether_port else None
+    return elsewhere(fixture, bus_parameters(bus), bus.node, bus.connect_timeout_s, tether, clock, at_once)
+
+
+def square_fixture(settings: Settings) -> Fixture:
+    """Four sensors on a square around the grip axis (paper, figure 1), beams parallel to it."""
+    half = settings.array.side_m / 2.0
+    corners = [(half, -half), (-half, -half), (half, half), (-half, half)]
+    specs = tuple(array_spec(settings, f"us{index}") for index in range(4))
+    return Fixture(np.array([pose(np.eye(3), [x, y, 0.0]) for x, y in corners]), specs)
+
+
+def array_spec(settings: Settings, name: str) -> SensorSpec:
+    """A sensor of the array: the transducer in its tube, or bare when the tube has no length."""
+    kit = settings.kit
+    usual = polaroid.SPEC if kit.tube_length_m > 0.0 else polaroid.BARE_SPEC
+    firing_s = settings.pings * PING_PERIOD_S
+    return replace(_heard_from(usual, settings), name=name, dead_length_m=kit.tube_length_m, firing_time_s=firing_s)
+
+
+def shoulder_spec(settings: Settings) -> SensorSpec:
+    """The bare ranger on the shoulder."""
+    return replace(_heard_from(polaroid.BARE_SPEC, settings), name="us_shoulder")
+
+
+def _heard_from(spec: SensorSpec, settings: Settings) -> SensorSpec:
+    """A spec with the kit's frequency and the nearest range that its blanking leaves."""
+    nearest_m = 0.5 * speed_of_sound(settings.air.assumed_temperature_c) * settings.kit.blanking_s
+    return replace(spec, frequency_hz=settings.kit.frequency_hz, range_min_m=nearest_m)
+
+
+def camera_model(settings: Settings) -> CameraModel:
+    """The camera of the configuration; its principal point is in the middle of the picture unless given."""
+    camera = settings.camera
+    return CameraModel(
+        camera.width_px,
+        camera.height_px,
+        camera.fx_px,
+        camera.fy_px,
+        (camera.width_px - 1) / 2.0 if camera.cx_px is None else camera.cx_px,
+        (camera.height_px - 1) / 2.0 if camera.cy_px is None else camera.cy_px,
+        camera.distortion,
+    )
+
+
+def camera_mount(settings: Settings) -> Mount:
+    """Where the camera of the configuration sits on the shoulder."""
+    own = settings.camera
+    turn = np.radians([own.yaw_deg, own.pitch_deg, own.roll_deg]).tolist()
+    return Mount(own.forward_m, own.height_m, own.left_m, *turn)
+
+
+def ranger_mount(settings: Settings) -> Mount:
+    """Where the ranger of the configuration sits on the shoulder, looking straight outwards."""
+    return Mount(settings.ranger.forward_m, settings.ranger.height_m, settings.ranger.left_m)
+
+
+def _part_pose(settings: Settings) -> PartPose:
+    scene = settings.scene
+    return PartPose(
+        np.radians(scene.azimuth_deg),
+        scene.radius_m,
+        np.radians(scene.yaw_deg),
+        np.radians(scene.tilt_deg),
+        scene.scale,
+        scene.up,
+    )
+
+
+def _physics(settings: Settings) -> TwinParameters:
+    """The kit, the air, the light and the joints as configured."""
+    kit, air = settings.kit, settings.air
+    specs = (*square_fixture(settings).specs, shoulder_spec(settings))
+    return TwinParameters(
+        transducers={spec.name: replace(transducer_of(spec), resonance_hz=TUBE.resonance_hz) for spec in specs},
+        kit=KitParameters(
+            kit.frequency_hz,
+            kit.cycles,
+            kit.blanking_s,
+            kit.gain,
+            sample_rate_hz=kit.sample_rate_hz,
+            trigger=kit.trigger,
+        ),
+        air=AirParameters(air.temperature_c, air.humidity_percent, assumed_temperature_c=air.assumed_temperature_c),
+        optics=OpticsParameters(noise_levels=settings.camera.noise_levels),
+        surfaces=with_roughness(settings.scene.roughness),
+        # Six joints, each at about half the reach on average, share the error at the tool.
+        repeatability_rad=1e-3 * settings.arm.repeatability_mm / (0.5 * ARM_REACH_M * np.sqrt(6.0)),
+    )

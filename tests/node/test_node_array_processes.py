@@ -1,0 +1,85 @@
+"""Host and node as two processes over UDP multicast."""
+
+import math
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+
+from surfuse.errors import DeviceError
+from surfuse.node.array import Parameters, create
+from surfuse.node.counters import Tally
+from surfuse.node.firmware import MonotonicClock
+from surfuse.node.link import BusLink, BusParameters, open_bus
+from surfuse.node.messages import Frame
+from surfuse.node.timeouts import Patience
+from surfuse.records import Fixture, SensorSpec, Status
+
+BUS = BusParameters("udp_multicast", "239.74.163.77", options=(("port", 43_177), ("hop_limit", 0)))
+SPEC = SensorSpec("stand-in", "ultrasonic", 0.3, 4.0, 0.3, 0.001)
+FIXTURE = Fixture(np.stack([np.eye(4)] * 4), (SPEC,) * 4)
+
+NODE = """
+import sys, threading
+from surfuse.node.catalogue import Catalogue
+from surfuse.node.counters import Tally
+from surfuse.node.firmware import MonotonicClock, run
+from surfuse.node.link import BusLink, BusParameters, open_bus
+from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.records import Echo, SensorSpec, Status
+
+class Ranger:
+    spec = SensorSpec("stand-in", "ultrasonic", 0.3, 4.0, 0.3, 0.001)
+    def __init__(self, clock, number):
+        self.clock, self.number, self.fired = clock, number, 0
+    def __enter__(self): return self
+    def __exit__(self, *error): ...
+    def fire(self):
+        start_s = self.clock.now_s()
+        self.clock.advance(0.005)
+        self.fired += 1
+        return Echo(0.4 + self.number * 0.01 + self.fired * 0.0001, Status.OK, start_s, 0.5, 0.0002, 8)
+
+clock, stop = MonotonicClock(), threading.Event()
+bus = BusParameters("udp_multicast", "239.74.163.77", options=(("port", 43_177), ("hop_limit", 0)))
+threading.Thread(target=lambda: (sys.stdin.read(), stop.set()), daemon=True).start()
+responder = Responder([Ranger(clock, n) for n in range(4)], clock, NodeIdentity(session=7), Catalogue())
+run(responder, BusLink(lambda: open_bus(bus), clock, Tally()), stop)
+"""
+
+
+def multicast_works():
+    clock = MonotonicClock()
+    try:
+        ends = [BusLink(lambda: open_bus(BUS), clock, Tally()) for _ in range(2)]
+        with ends[0], ends[1]:
+            ends[0].send(Frame(0x7EF, b"probe"))
+            return ends[1].receive(1.0) is not None
+    except DeviceError:
+        return False
+
+
+def test_host_and_node_are_two_processes():
+    pytest.importorskip("msgpack")
+    if not multicast_works():
+        pytest.skip("this machine does not pass multicast on loopback")
+    node = subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(NODE)], stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    patience = Patience(connect_timeout_s=30.0, answer_timeout_s=0.2)
+    try:
+        with create(FIXTURE, Parameters(bus=BUS, patience=patience)) as array:
+            before_s = MonotonicClock().now_s()
+            all_echoes = [array.sweep() for _ in range(10)]
+            after_s = MonotonicClock().now_s()
+    finally:
+        _, errors = node.communicate(timeout=20)
+    assert node.returncode == 0, errors
+    for sweep, echoes in enumerate(all_echoes, start=1):
+        for number, echo in enumerate(echoes):
+            assert echo.status is Status.OK
+            assert math.isclose(echo.range_m, 0.4 + number * 0.01 + sweep * 0.0001, abs_tol=1e-9)
+            assert before_s <= echo.t_s <= after_s
+    assert array.counters.failed == array.counters.conflicts == 0
