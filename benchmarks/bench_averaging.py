@@ -27,7 +27,7 @@ from surfuse.twin.acoustics.kit import TUBE, KitParameters
 from surfuse.twin.acoustics.noise import SILENT, AcousticNoise
 from surfuse.twin.acoustics.sounder import Sounder
 from surfuse.twin.materials import Material
-from surfuse.twin.scene import Body, Scene
+from surfuse.twin.scene import Scene, SceneBody
 
 LOOK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 STANDOFF_M, SPAN_M, WRONG_M = 0.43, 0.08, 1e-3
@@ -67,7 +67,7 @@ def plate(tilt_deg: float) -> Scene:
     half = 0.4
     corners = np.array([[0.0, -half, -half], [0.0, half, -half], [0.0, half, half], [0.0, -half, half]])
     turned = pose(rotation_about([0.0, 0.0, 1.0], np.radians(tilt_deg)), [0.0, 0.0, 0.0])
-    return Scene([Body(corners, np.array([[0, 2, 1], [0, 3, 2]]), Material.PART, turned)])
+    return Scene([SceneBody(corners, np.array([[0, 2, 1], [0, 3, 2]]), Material.PART, turned)])
 
 
 def bursts(condition: Condition, pings: int, number: int) -> Iterator[Burst]:

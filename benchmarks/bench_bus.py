@@ -23,9 +23,9 @@ from surfuse.node.counters import Tally
 from surfuse.node.disturbed_bus import BadBus, BadLink, DirectLink
 from surfuse.node.firmware import Node
 from surfuse.node.link import Arrival, BusLink, BusParameters, open_bus
-from surfuse.node.messages import Frame, Trigger
+from surfuse.node.messages import CanFrame, Trigger
 from surfuse.node.responder import NodeIdentity, Responder
-from surfuse.node.timeouts import Patience
+from surfuse.node.timeouts import NodeTimeouts
 from surfuse.records import Echo, Fixture, SensorSpec, Status
 
 SPEC = SensorSpec("stand-in", "ultrasonic", 0.3, 4.0, 0.3, 0.001)
@@ -95,7 +95,7 @@ class Prepared:
 
     def __exit__(self, *error: object) -> None: ...
 
-    def send(self, frame: Frame) -> bool:
+    def send(self, frame: CanFrame) -> bool:
         return True
 
     def receive(self, timeout_s: float) -> Arrival | None:
@@ -119,8 +119,8 @@ def frames_a_second(sweeps: int, repeats: int) -> None:
             for frame in frames:
                 sender.send(can.Message(arbitration_id=frame.identifier, data=frame.data, is_extended_id=False))
         link = BusLink(lambda receiver=receiver: receiver, clock, tally)
-        patience = Patience(roll_call_s=0.0)
-        ready, parameters = Prepared(link), Parameters(patience=patience)
+        timeouts = NodeTimeouts(roll_call_s=0.0)
+        ready, parameters = Prepared(link), Parameters(timeouts=timeouts)
         array = CanArray(fixture(spec), parameters, ready, clock, tally, lambda ready=ready: ready.waited_s)
         began_s = time.perf_counter()
         with link, array:
@@ -143,10 +143,10 @@ def bad_bus(name: str, bad: BadBus, readings: int) -> None:
     sensors = [Ranger(clock) for _ in range(4)]
     direct = DirectLink(Responder(sensors, clock, NodeIdentity(), CATALOGUE), clock)
     link = BadLink(direct, bad, np.random.default_rng(0))
-    patience = Patience(answer_timeout_s=0.02, silence_limit_s=60.0)
+    timeouts = NodeTimeouts(answer_timeout_s=0.02, silence_limit_s=60.0)
     wrong = faults = 0
     began_s = time.perf_counter()
-    with CanArray(fixture(), Parameters(patience=patience), link, clock, tally, direct.monotonic_s) as array:
+    with CanArray(fixture(), Parameters(timeouts=timeouts), link, clock, tally, direct.monotonic_s) as array:
         for _ in range(readings // 4):
             for echo, sensor in zip(array.sweep(), sensors, strict=True):
                 faults += echo.status is not Status.OK

@@ -29,7 +29,7 @@ from surfuse.runs.scan_source import load_scan
 from surfuse.settings import load
 from surfuse.surface.grids import refined
 from surfuse.surface.score import edge_error, error_map, score
-from surfuse.surface.truth import read_mesh, truth_around
+from surfuse.surface.truth import read_truth_mesh, truth_around
 
 SEEDS = {"development": (1, 2, 3), "held-out": (101, 102, 103)}
 Z90 = 1.6449
@@ -115,7 +115,7 @@ def foreign(folder: Path) -> list[Result]:
         group = {"flat0": "facing", "flat20": "tilted", "relief": "step"}[scene]
         name = (scene, group, 20.0 if scene == "flat20" else 0.0, beam, noise, 0)
         edge = "v" if group == "step" else ""
-        found.append(shown(measured(load_scan(one), read_mesh(one / "truth.ply"), name, edge)))
+        found.append(shown(measured(load_scan(one), read_truth_mesh(one / "truth.ply"), name, edge)))
     return found
 
 

@@ -29,7 +29,7 @@ from surfuse.rig.devices import world_from_shoulder
 from surfuse.rig.simulated.assembly import camera_model, camera_mount, ranger_mount, shoulder_spec
 from surfuse.settings import from_tree
 from surfuse.twin.materials import Material
-from surfuse.twin.scene import Body, Scene, build_cell
+from surfuse.twin.scene import Scene, SceneBody, table_bodies
 from surfuse.twin.shapes import box, cylinder, extrusion, standing
 from surfuse.twin.world import Twin
 from surfuse.vision.distance import ShoulderRange
@@ -78,7 +78,7 @@ def solid(shape: str, width: float, depth: float, height: float) -> TriangleSoup
     return block
 
 
-def scene_of(seed: int) -> tuple[Body, Row]:
+def scene_of(seed: int) -> tuple[SceneBody, Row]:
     """The first of the random parts of this seed whose foot is all on the table."""
     g = np.random.default_rng([7, seed])
     while True:
@@ -89,7 +89,7 @@ def scene_of(seed: int) -> tuple[Body, Row]:
             return part, row
 
 
-def _random_part(g: np.random.Generator, seed: int) -> tuple[Body, Row]:
+def _random_part(g: np.random.Generator, seed: int) -> tuple[SceneBody, Row]:
     shape = ("block", "cylinder", "wedge", "L", "stump")[int(g.integers(5))]
     width, height = g.uniform(0.04, 0.25, 2)
     depth = g.uniform(0.005, 0.10)
@@ -103,9 +103,9 @@ def _random_part(g: np.random.Generator, seed: int) -> tuple[Body, Row]:
     return part, Row(seed, shape, width, depth, height, yaw, lean, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def outlined(part: Body, seed: int) -> tuple[Outline, bool] | None:
+def outlined(part: SceneBody, seed: int) -> tuple[Outline, bool] | None:
     """The outline of the part once it is centred; None when it is not found or off the table."""
-    twin = Twin(Scene((*build_cell(), part)), seed=seed)
+    twin = Twin(Scene((*table_bodies(), part)), seed=seed)
     middle = part.world_vertices().mean(axis=0)
     angle = math.atan2(middle[1], middle[0])
     for step in range(3):
@@ -129,7 +129,7 @@ def outlined(part: Body, seed: int) -> tuple[Outline, bool] | None:
     return outline_part(frame, found[0], 1.0, ranged, tolerance).outline, ranged is not None
 
 
-def needed_margin(outline: Outline, vertices: FloatArray, part: Body) -> float:
+def needed_margin(outline: Outline, vertices: FloatArray, part: SceneBody) -> float:
     """Largest distance of the part's points outside a polygon, all seen along w of the outline's frame."""
     corner = transform_points(inverse(outline.world_from_part), part.world_vertices())[part.triangles][..., :2]
     share = np.linspace(0.0, 1.0, 20)[:, None, None, None]

@@ -23,7 +23,7 @@ from surfuse.rig.simulated.assembly import camera_model, camera_mount
 from surfuse.settings import from_tree
 from surfuse.twin.materials import Material
 from surfuse.twin.optics import OpticsParameters, render
-from surfuse.twin.scene import Body, Scene, build_cell
+from surfuse.twin.scene import Scene, SceneBody, table_bodies
 from surfuse.twin.shapes import box, cylinder, standing
 
 SETTINGS = from_tree({})
@@ -38,7 +38,7 @@ class Random:
     """A random cell: the true directions of its parts, its bodies, its light."""
 
     azimuths: tuple[float, ...]
-    bodies: tuple[Body, ...]
+    bodies: tuple[SceneBody, ...]
     optics: OpticsParameters
 
 
@@ -46,7 +46,7 @@ def random_cell(seed: int) -> Random:
     g = np.random.default_rng([11, seed])
     azimuths: list[float] = []
     spans: list[tuple[float, float]] = []
-    parts: list[Body] = []
+    parts: list[SceneBody] = []
     for _ in range(int(g.integers(0, 5))):
         part = _part(g)
         middle, low, high = _span(part)
@@ -64,10 +64,10 @@ def random_cell(seed: int) -> Random:
         noise_levels=g.uniform(1.0, 12.75),
         background=g.uniform(5.0, 45.0),
     )
-    return Random(tuple(sorted(azimuths)), (*build_cell(), *parts), optics)
+    return Random(tuple(sorted(azimuths)), (*table_bodies(), *parts), optics)
 
 
-def _span(body: Body) -> tuple[float, float, float]:
+def _span(body: SceneBody) -> tuple[float, float, float]:
     """Direction of the middle of a body from the arm, and its least and largest direction."""
     seen = body.world_vertices()[:, :2] @ np.array([1.0, 1j])
     middle = float(np.angle(seen.mean()))
@@ -81,7 +81,7 @@ def _apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
     return gap > 0.5 * (one[1] - one[0] + other[1] - other[0]) + _APART_RAD
 
 
-def _part(g: np.random.Generator) -> Body:
+def _part(g: np.random.Generator) -> SceneBody:
     """On the table with its whole foot."""
     while True:
         width, height = g.uniform(0.03, 0.25, 2)
@@ -96,7 +96,7 @@ def _part(g: np.random.Generator) -> Body:
             return part
 
 
-def _clutter(g: np.random.Generator) -> Body:
+def _clutter(g: np.random.Generator) -> SceneBody:
     """In the room behind the table: tall on the floor, so that the table hides its foot, or hanging on a wall."""
     width, depth = g.uniform(0.1, 0.5, 2)
     standing_tall = g.random() < 0.5

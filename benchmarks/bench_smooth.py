@@ -20,7 +20,7 @@ from surfuse.commands.outcome import SilentWatcher
 from surfuse.runs.scan_source import load_scan
 from surfuse.settings import FusionSettings, load
 from surfuse.surface.score import score
-from surfuse.surface.truth import read_mesh, truth_around
+from surfuse.surface.truth import read_truth_mesh, truth_around
 
 SCENES = ("flat", "tilted", "relief")
 METHODS = ("weighted_average", "beam")
@@ -34,7 +34,7 @@ def measured(scene: str, how: tuple[str, ...], seed: int) -> tuple[float, float,
         outcome = acquire(settings, run, SilentWatcher())
         scan = load_scan(run)
         grid = grid_of(scan)
-        truth = truth_around(*read_mesh(run / "truth.ply"), grid)
+        truth = truth_around(*read_truth_mesh(run / "truth.ply"), grid)
         errors = {
             name: 1e3 * score(fused(scan, create_method(FusionSettings(), name), grid)[1], truth).rmse_m
             for name in METHODS

@@ -18,7 +18,7 @@ from surfuse.commands.pictures.threshold_comparison import compare
 from surfuse.rig.devices import looking_outwards
 from surfuse.twin.materials import Material
 from surfuse.twin.optics import render, visible
-from surfuse.twin.scene import Scene, build_cell
+from surfuse.twin.scene import Scene, table_bodies
 from surfuse.twin.shapes import box, standing
 from surfuse.vision.threshold import METHODS, histogram, maximum_entropy, minimum_error, otsu, threshold, uniform_error
 from surfuse.vision.threshold.uniform_error import block_counts
@@ -35,7 +35,7 @@ def best_ms(call: Callable[[], object], repeats: int = 50) -> float:
 
 
 def main() -> None:
-    scene = Scene((*build_cell(), standing(box(0.2, 0.05, 0.2), Material.PART, 0.05, 1.05, 1.0, 0.2)))
+    scene = Scene((*table_bodies(), standing(box(0.2, 0.05, 0.2), Material.PART, 0.05, 1.05, 1.0, 0.2)))
     place = looking_outwards(0.1, 1.3)
     image = render(scene, REFERENCE_MODEL, place, np.random.default_rng(0))
     truth = visible(scene, REFERENCE_MODEL, place, len(scene.bodies) - 1)

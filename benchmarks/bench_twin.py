@@ -14,7 +14,7 @@ from surfuse.geometry.poses import pose
 from surfuse.sensors import polaroid
 from surfuse.twin.materials import Material
 from surfuse.twin.parts import make_part
-from surfuse.twin.scene import Body, Scene, build_cell
+from surfuse.twin.scene import Scene, SceneBody, table_bodies
 from surfuse.twin.world import Twin
 
 READINGS = 1500
@@ -22,7 +22,7 @@ ROUNDS = 3
 LOOK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
-def wavy_body(side: int = 100) -> Body:
+def wavy_body(side: int = 100) -> SceneBody:
     """A sheet of 2 side^2 triangles, 0.2 x 0.2 m, waves of 5 mm, where the flat part stands."""
     u, v = np.meshgrid(np.linspace(-0.1, 0.1, side + 1), np.linspace(0.0, 0.2, side + 1))
     wave = 0.005 * np.sin(60.0 * u) * np.cos(50.0 * v)
@@ -35,7 +35,7 @@ def wavy_body(side: int = 100) -> Body:
         ]
     )
     mesh = trimesh.Trimesh(vertices, faces, process=False)
-    return Body(np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64), Material.PART, np.eye(4))
+    return SceneBody(np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64), Material.PART, np.eye(4))
 
 
 def rate(scene: Scene) -> tuple[float, float]:
@@ -59,7 +59,7 @@ def rate(scene: Scene) -> tuple[float, float]:
 
 def main() -> None:
     """Print one row a scene."""
-    cell = build_cell()
+    cell = table_bodies()
     scenes = {name: Scene([*cell, make_part(name).body]) for name in ("flat", "tilted", "relief")}
     scenes["20,000 triangles"] = Scene([*cell, wavy_body()])
     print(f"{'scene':18s}{'triangles':>10s}{'readings/s':>12s}{'per CPU s':>12s}")

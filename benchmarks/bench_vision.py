@@ -20,7 +20,7 @@ from surfuse.geometry.poses import inverse, pose, rotation_about, transform_poin
 from surfuse.records import CameraFrame, Detection, FloatArray
 from surfuse.twin.materials import Material
 from surfuse.twin.optics import OpticsParameters, render
-from surfuse.twin.scene import Body, Scene, build_cell
+from surfuse.twin.scene import Scene, SceneBody, table_bodies
 from surfuse.vision.dominant_points import DominantPointParameters
 from surfuse.vision.outline import outline_part
 from surfuse.vision.part_finder import find_parts
@@ -40,7 +40,7 @@ def shoulder(azimuth: float) -> FloatArray:
 
 def box(
     size: tuple[float, float, float], material: Material, azimuth: float, radius: float, yaw: float, foot: float
-) -> Body:
+) -> SceneBody:
     """A box of width, depth and height, its front middle at a radius from the arm's axis."""
     width, depth, height = size
     corner = np.array([[x, y, z] for x in (0, depth) for y in (-width / 2, width / 2) for z in (0, height)])
@@ -48,7 +48,7 @@ def box(
     triangles = [tri for a, b, c, d in sides for tri in ((a, b, c), (a, c, d))]
     place = [radius * math.cos(azimuth), radius * math.sin(azimuth), foot]
     turn = rotation_about([0.0, 0.0, 1.0], azimuth + yaw)
-    return Body(corner, np.array(triangles, dtype=np.int64), material, pose(turn, place))
+    return SceneBody(corner, np.array(triangles, dtype=np.int64), material, pose(turn, place))
 
 
 def best_ms(call: Callable[[], object], repeats: int = 30) -> float:
@@ -69,7 +69,7 @@ def bare_opencv(image: np.ndarray) -> object:
 
 
 def speed() -> None:
-    scene = Scene((*build_cell(), box((0.2, 0.05, 0.2), Material.PART, 0.0, 1.05, 0.2, 1.0)))
+    scene = Scene((*table_bodies(), box((0.2, 0.05, 0.2), Material.PART, 0.0, 1.05, 0.2, 1.0)))
     where = shoulder(0.05)
     generator = np.random.default_rng(0)
     frame = CameraFrame(render(scene, REFERENCE_MODEL, where, generator), 0.0, REFERENCE_MODEL, where)
@@ -117,13 +117,13 @@ def random_scenes(count: int) -> None:
     print("error by stated sigma: 50 / 95 / 99 %:", np.round(np.percentile(ratios, [50, 95, 99]), 2).tolist())
 
 
-def _random_scene(seed: int) -> tuple[CameraFrame, Body, float]:
+def _random_scene(seed: int) -> tuple[CameraFrame, SceneBody, float]:
     g = np.random.default_rng(seed)
     azimuth = g.uniform(-np.pi, np.pi)
     size = (g.uniform(0.03, 0.22), g.uniform(0.005, 0.06), g.uniform(0.03, 0.25))
     material = Material.PART if g.random() < 0.7 else Material.PART_SMOOTH
     part = box(size, material, azimuth, g.uniform(1.0, 1.18), g.uniform(-0.4, 0.4), 1.0)
-    bodies = [*build_cell(), part]
+    bodies = [*table_bodies(), part]
     if g.random() < 0.5:
         place = azimuth + g.uniform(-0.25, 0.25)
         bodies.append(box((0.3, 0.05, 0.3), Material.CLUTTER, place, 2.5, 0.0, g.uniform(1.3, 1.6)))
@@ -139,7 +139,7 @@ def _random_scene(seed: int) -> tuple[CameraFrame, Body, float]:
     return CameraFrame(image, 0.0, REFERENCE_MODEL, where), part, size[2]
 
 
-def _outline_error(frame: CameraFrame, seen: Detection, part: Body, height: float) -> tuple[float, float]:
+def _outline_error(frame: CameraFrame, seen: Detection, part: SceneBody, height: float) -> tuple[float, float]:
     """Largest error of the four sides of the outline's extent, and the largest stated deviation."""
     outline = outline_part(frame, seen, TABLE.height_m, dominant=DOMINANT).outline
     truth = transform_points(inverse(outline.world_from_part), part.world_vertices())

@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 from surfuse.node.catalogue import Catalogue, Rejection
-from surfuse.node.messages import Frame, Reading
+from surfuse.node.messages import CanFrame, Reading
 from surfuse.records import Status
 from surfuse.sensors.a02yyuw import Parser as A02Parser
 from surfuse.sensors.maxbotix import MODELS as MAXBOTIX
@@ -111,7 +111,7 @@ def bus(frames: int) -> None:
     data = generator.integers(0, 256, (frames, 8), dtype=np.uint8)
     began_s, refused, contradictory = time.perf_counter(), 0, 0
     for row in data:
-        message = catalogue.decode(Frame(0x210, row.tobytes()))
+        message = catalogue.decode(CanFrame(0x210, row.tobytes()))
         if isinstance(message, Rejection):
             refused += 1
         elif isinstance(message, Reading):

@@ -16,7 +16,7 @@ from surfuse.runs.scan_log import ScanLog
 from surfuse.sensors.polaroid import BARE_SPEC, SPEC
 from surfuse.twin.acoustics.noise import AcousticNoise
 from surfuse.twin.materials import Material
-from surfuse.twin.scene import Body, Scene
+from surfuse.twin.scene import Scene, SceneBody
 from surfuse.twin.world import Twin, TwinParameters
 
 STANDOFF_M, STEP_M, SIDE_M, MARGIN_M = 0.43, 0.01, 0.05, 0.02
@@ -56,7 +56,7 @@ def raster(scene: JudgedScene) -> tuple[Array, Array, Array]:
 def scan_by_twin(scene: JudgedScene, position: Array, axis: Array, spec: SensorSpec, seed: int) -> tuple[Array, Array]:
     """Ranges and amplitudes by the project's own twin, without timing noise."""
     vertices, faces = scene.mesh()
-    body = Body(vertices, faces, Material.PART, np.eye(4))
+    body = SceneBody(vertices, faces, Material.PART, np.eye(4))
     noise = AcousticNoise(timing_m=0.0, dropout=0.0, slip=0.0)
     twin = Twin(Scene([body]), TwinParameters(noise=noise), seed)
     frame = rotation_about([0.0, 1.0, 0.0], -np.radians(scene.wrist_deg)) @ rotation_about([1.0, 0.0, 0.0], np.pi)

@@ -10,7 +10,7 @@ from surfuse.records import CameraFrame, CameraModel
 from surfuse.rig.devices import looking_outwards, world_from_shoulder
 from surfuse.twin.materials import Material
 from surfuse.twin.optics import OpticsParameters, render
-from surfuse.twin.scene import Scene, build_cell
+from surfuse.twin.scene import Scene, table_bodies
 from surfuse.twin.shapes import box, cylinder, standing
 from surfuse.vision.part_finder import FindParameters, find_parts
 from surfuse.vision.table import TableRing
@@ -22,7 +22,7 @@ LIGHT = OpticsParameters(noise_levels=8.0, gradient_x=0.5, edge_samples=2)
 
 
 def turned(*bodies, lower=-60.0, upper=60.0, all_parts=True):
-    scene = Scene((*build_cell(), *bodies))
+    scene = Scene((*table_bodies(), *bodies))
     taken = [0]
 
     def capture(angle):

@@ -11,7 +11,7 @@ from surfuse.motion.obstacles import Box, Floor, RingTable, part_box
 from surfuse.plan.approach import approach
 from surfuse.plan.scan_plan import PlanParameters, scan_plan
 from surfuse.records import Outline
-from surfuse.rig.simulated.assembly import build_cell
+from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.settings import load
 
 PLATE = np.array([[-0.1, 0.0], [0.1, 0.0], [0.1, 0.2], [-0.1, 0.2]])
@@ -19,7 +19,7 @@ DRIVERS = ("kinematic", "trident")
 
 
 def cell(driver: str = "kinematic"):
-    return build_cell(load(None, [f"arm.driver={driver}", "scene.name=flat"]))
+    return simulated_rig(load(None, [f"arm.driver={driver}", "scene.name=flat"]))
 
 
 def plate(azimuth_deg: float, radius_m: float = 1.05) -> Outline:

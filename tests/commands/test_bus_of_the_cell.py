@@ -9,17 +9,17 @@ import pytest
 
 from surfuse.commands.acquire.results import bus_event
 from surfuse.errors import ConfigError
-from surfuse.node.counters import Event, Tally
+from surfuse.node.counters import BusEvent, Tally
 from surfuse.records import Status
 from surfuse.rig.devices import looking_outwards, world_from_shoulder
-from surfuse.rig.simulated.assembly import build_cell
+from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.settings import load
 
 STOPS = (0, 7, 3)
 
 
 def cell_with(*overrides):
-    return build_cell(load(None, ["scene.name=tilted", "array.pings=3", "arm.driver=kinematic", *overrides]))
+    return simulated_rig(load(None, ["scene.name=tilted", "array.pings=3", "arm.driver=kinematic", *overrides]))
 
 
 def facing_the_part(cell, forward_m=0.69, height_m=1.10):
@@ -78,7 +78,7 @@ def test_counters_are_those_of_the_sweeps_and_a_clean_bus_is_no_event():
 
 def test_trouble_on_the_bus_is_told():
     tally = Tally()
-    tally.add(Event.LOST, 2)
+    tally.add(BusEvent.LOST, 2)
     event = bus_event(replace(cell_with("bus.interface=none"), counters=tally.snapshot))
     assert event is not None
     assert event.text == "lost 2"

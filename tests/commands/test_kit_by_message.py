@@ -13,11 +13,11 @@ from surfuse.node.counters import Tally
 from surfuse.node.disturbed_bus import DirectLink
 from surfuse.node.messages import TriggerSource
 from surfuse.node.responder import NodeIdentity, Responder
-from surfuse.node.timeouts import Patience
+from surfuse.node.timeouts import NodeTimeouts
 from surfuse.records import Status
 from surfuse.rig.devices import looking_outwards, world_from_shoulder
 from surfuse.rig.simulated.assembly import square_fixture
-from surfuse.rig.simulated.kit_by_message import heeded, told
+from surfuse.rig.simulated.kit_by_message import kit_as_message, kit_from_message
 from surfuse.rig.simulated.tethered_sensors import TetheredSensors
 from surfuse.settings import load
 from surfuse.twin.acoustics.kit import KitParameters
@@ -35,10 +35,10 @@ class Rig:
         self.clock = self.simulated.clock
         node = Responder(
             self.simulated.sensors, self.clock, NodeIdentity(), Catalogue(), configure=self.simulated.set_kit,
-            volley=self.simulated.volley,
+            fire_together=self.simulated.fire_together,
         )  # fmt: skip
         link = DirectLink(node, self.clock)
-        parameters = Parameters(patience=Patience(roll_call_s=0.0))
+        parameters = Parameters(timeouts=NodeTimeouts(roll_call_s=0.0))
         fixture = square_fixture(self.settings)
         self.array = CanArray(fixture, parameters, link, self.clock, Tally(), link.monotonic_s)
 
@@ -49,10 +49,12 @@ class Rig:
 
 def test_what_is_told_of_a_kit_is_what_is_heeded():
     kit = KitParameters(frequency_hz=55e3, cycles=8, blanking_s=2.0e-3, gain=1.0, sample_rate_hz=2e5)
-    again = heeded(told(kit, 5), KitParameters())
+    again = kit_from_message(kit_as_message(kit, 5), KitParameters())
     assert again == kit
-    assert told(replace(kit, trigger="internal"), 5).trigger_source is TriggerSource.INTERNAL
-    assert heeded(told(replace(kit, gain=2.0), 5), kit).gain == pytest.approx(2.0, rel=0.03)  # steps of 0.5 dB
+    assert kit_as_message(replace(kit, trigger="internal"), 5).trigger_source is TriggerSource.INTERNAL
+    assert kit_from_message(kit_as_message(replace(kit, gain=2.0), 5), kit).gain == pytest.approx(
+        2.0, rel=0.03
+    )  # steps of 0.5 dB
 
 
 def test_the_usual_kit_told_over_the_bus_changes_no_number():
@@ -60,14 +62,14 @@ def test_the_usual_kit_told_over_the_bus_changes_no_number():
     rig.stand()
     plain.stand()
     with rig.array as array, plain.array as other:
-        array.configure(told(KitParameters(), 5))
+        array.configure(kit_as_message(KitParameters(), 5))
         assert [e.range_m for e in array.sweep()] == [e.range_m for e in other.sweep()]
 
 
 def test_every_told_parameter_acts():
     rig = Rig()
     rig.stand()
-    usual = told(KitParameters(), 5)
+    usual = kit_as_message(KitParameters(), 5)
     with rig.array as array:
         strength = np.mean([echo.amplitude for echo in array.sweep()])
         array.configure(replace(usual, frequency_hz=80_000))
@@ -90,10 +92,10 @@ def test_a_kit_that_cannot_be_is_refused_and_the_old_one_stays():
     rig.stand()
     with rig.array as array:
         with pytest.raises(DeviceError, match="refuses"):
-            array.configure(replace(told(KitParameters(), 5), frequency_hz=2000))
+            array.configure(replace(kit_as_message(KitParameters(), 5), frequency_hz=2000))
         assert {echo.status for echo in array.sweep()} == {Status.OK}
 
 
 def test_a_node_that_no_host_has_configured_refuses():
     with Rig().array as array, pytest.raises(DeviceError, match="refuses"):
-        array.configure(told(KitParameters(), 5))
+        array.configure(kit_as_message(KitParameters(), 5))

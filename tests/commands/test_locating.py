@@ -10,7 +10,7 @@ from surfuse.acquire.search import SearchResult
 from surfuse.commands.acquire.locating import _wanted, locate
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import DataError
-from surfuse.rig.simulated.assembly import build_cell
+from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.settings import load
 
 LEFT_M, RIGHT_M = -0.22, 0.2
@@ -41,7 +41,7 @@ def two_boxes(tmp_path_factory):
 
 def located(path, *assignments):
     settings = load(None, [f"scene.name={path}", "arm.driver=kinematic", "scene.azimuth_deg=20", *assignments])
-    cell, watcher = build_cell(settings), Listening()
+    cell, watcher = simulated_rig(settings), Listening()
     with cell.opened():
         return locate(cell, settings, watcher), watcher.notes
 

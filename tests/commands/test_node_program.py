@@ -17,12 +17,12 @@ from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
 from surfuse.node.firmware import MonotonicClock, Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
-from surfuse.node.messages import Frame
+from surfuse.node.messages import CanFrame
 from surfuse.node.responder import NodeIdentity, Responder
 from surfuse.records import Status
 from surfuse.rig.devices import looking_outwards, world_from_shoulder
 from surfuse.rig.node_array import elsewhere
-from surfuse.rig.simulated.assembly import SimulatedClock, array_sensors, build_cell, build_world, square_fixture
+from surfuse.rig.simulated.assembly import SimulatedClock, array_sensors, build_world, simulated_rig, square_fixture
 from surfuse.rig.simulated.tethered_sensors import TetheredSensors
 from surfuse.settings import load
 from surfuse.twin.tether import HostEnd, NodeEnd, Place
@@ -38,7 +38,7 @@ def multicast_works():
     try:
         ends = [BusLink(lambda: open_bus(bus), clock, Tally()) for _ in range(2)]
         with ends[0], ends[1]:
-            ends[0].send(Frame(0x7EF, b"probe"))
+            ends[0].send(CanFrame(0x7EF, b"probe"))
             return ends[1].receive(1.0) is not None
     except DeviceError:
         return False
@@ -52,7 +52,9 @@ def facing_the_part(cell, forward_m=0.69, height_m=1.10):
 
 
 def readings(*overrides):
-    cell = build_cell(load(None, ["scene.name=tilted", "array.pings=3", "seed=5", "arm.driver=kinematic", *overrides]))
+    cell = simulated_rig(
+        load(None, ["scene.name=tilted", "array.pings=3", "seed=5", "arm.driver=kinematic", *overrides])
+    )
     with cell.opened():
         found = []
         for stop in (2, 4):
@@ -145,7 +147,7 @@ class NodeHere:
         self.line = NodeEnd(port, self.simulated.configure, self.simulated.move)
         responder = Responder(
             self.simulated.sensors, self.simulated.clock, NodeIdentity(session=session), Catalogue(),
-            volley=self.simulated.volley,
+            fire_together=self.simulated.fire_together,
         )  # fmt: skip
         self.node = Node(responder, BusLink(lambda: open_bus(bus), MonotonicClock(), Tally()))
 

@@ -13,7 +13,7 @@ from surfuse.commands.acquire.plan_and_walk import _to_outer_edge, go_to_start, 
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import DataError
 from surfuse.fusion import weighted_average
-from surfuse.rig.simulated.assembly import build_cell
+from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.runs.log_reader import read_log
 from surfuse.runs.log_writer import LogWriter
 from surfuse.settings import load
@@ -44,7 +44,7 @@ class Stubborn(SilentWatcher):
 @pytest.fixture(scope="module")
 def located():
     """Part, plan and scene of the relief, found once."""
-    cell, watcher = build_cell(SETTINGS), Stubborn()
+    cell, watcher = simulated_rig(SETTINGS), Stubborn()
     with cell.opened():
         part = locate(cell, SETTINGS, watcher)
         plan = plan_for(cell, SETTINGS, part.outline, watcher)
@@ -60,7 +60,7 @@ def walked(located, tmp_path):
     def go(done=(), watcher=None):
         nonlocal count
         count += 1
-        cell, method = build_cell(SETTINGS), weighted_average.create(weighted_average.Parameters())
+        cell, method = simulated_rig(SETTINGS), weighted_average.create(weighted_average.Parameters())
         with cell.opened(), LogWriter(tmp_path / f"log{count}") as log:
             log.append_scene(scene)
             bring = partial(go_to_start, cell, SETTINGS, plan.outline, plan)
@@ -103,7 +103,7 @@ def test_the_plan_covers_the_outline_and_its_margin(located):
 
 def test_stops_that_are_left_out_are_counted_for_the_user():
     settings = load(None, ["scene.name=flat", "scan.step_m=0.05", "arm.driver=kinematic", "arm.clearance_m=0.2"])
-    cell, watcher = build_cell(settings), Stubborn()
+    cell, watcher = simulated_rig(settings), Stubborn()
     with cell.opened():
         part = locate(cell, settings, watcher)
         try:

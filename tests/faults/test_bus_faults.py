@@ -14,11 +14,11 @@ from surfuse.node.disturbed_bus import BadBus, BadLink, DirectLink
 from surfuse.node.link import Arrival
 from surfuse.node.messages import (
     Acknowledge,
+    CanFrame,
     EchoDetail,
-    Frame,
     Function,
     Heartbeat,
-    KitSettings,
+    KitMessage,
     NodeState,
     Query,
     Reading,
@@ -27,13 +27,13 @@ from surfuse.node.messages import (
     identifier,
 )
 from surfuse.node.responder import NodeIdentity, Responder
-from surfuse.node.timeouts import Patience
+from surfuse.node.timeouts import NodeTimeouts
 from surfuse.records import Echo, Fixture, SensorSpec, Status
 
 CATALOGUE = Catalogue()
 SPEC = SensorSpec("stand-in", "ultrasonic", 0.3, 4.0, 0.3, 0.001)
 FIXTURE = Fixture(np.stack([np.eye(4)] * 4), (SPEC,) * 4)
-QUICK = Patience(answer_timeout_s=0.02, silence_limit_s=20.0)
+QUICK = NodeTimeouts(answer_timeout_s=0.02, silence_limit_s=20.0)
 
 
 class SteppedClock:
@@ -71,7 +71,7 @@ class Ranger:
 class Rig:
     """Host, node and the link between them, in one thread."""
 
-    def __init__(self, wrap=lambda link: link, patience=QUICK, sensors=None, **more):
+    def __init__(self, wrap=lambda link: link, timeouts=QUICK, sensors=None, **more):
         self.clock, self.tally = SteppedClock(), Tally()
         self.sensors = sensors or [Ranger(self.clock) for _ in range(4)]
         for sensor in self.sensors:
@@ -79,7 +79,7 @@ class Rig:
         self.node = Responder(self.sensors, self.clock, NodeIdentity(), CATALOGUE, **more)
         self.direct = DirectLink(self.node, self.clock)
         self.link = wrap(self.direct)
-        parameters = Parameters(patience=patience)
+        parameters = Parameters(timeouts=timeouts)
         self.array = CanArray(FIXTURE, parameters, self.link, self.clock, self.tally, self.direct.monotonic_s)
 
 
@@ -219,7 +219,7 @@ def test_an_answer_to_a_sweep_that_never_was_is_unsolicited():
     def forge(frame):
         bits = int.from_bytes(frame.data, "little")
         other = (bits & ~0xFF) | ((bits + 100) & 0xFF)
-        return [Frame(frame.identifier, other.to_bytes(8, "little"))] if is_(frame, Function.READING) else [frame]
+        return [CanFrame(frame.identifier, other.to_bytes(8, "little"))] if is_(frame, Function.READING) else [frame]
 
     rig = Rig(lambda link: Meddler(link, forge))
     with rig.array as array:
@@ -244,7 +244,7 @@ def test_damaged_frames_are_refused_and_asked_again(damage, counter):
     def meddle(frame):
         if is_(frame, Function.READING) and len(hits) < 3:
             hits.append(frame)
-            return [Frame(frame.identifier, damage(frame.data))]
+            return [CanFrame(frame.identifier, damage(frame.data))]
         return [frame]
 
     rig = Rig(lambda link: Meddler(link, meddle))
@@ -346,7 +346,7 @@ def test_a_node_that_restarts_in_the_middle_of_a_sweep_fires_again():
             return arrival
 
     direct = Restarting(rig.node, rig.clock)
-    array = CanArray(FIXTURE, Parameters(patience=QUICK), direct, rig.clock, rig.tally, direct.monotonic_s)
+    array = CanArray(FIXTURE, Parameters(timeouts=QUICK), direct, rig.clock, rig.tally, direct.monotonic_s)
     with array:
         echoes = array.sweep()
     assert [echo.range_m for echo in echoes] == [sensor.last.range_m for sensor in rig.sensors]
@@ -356,7 +356,7 @@ def test_a_node_that_restarts_in_the_middle_of_a_sweep_fires_again():
 def test_kit_settings_are_sent_again_after_a_restart():
     told = []
     rig = Rig(configure=lambda sensor, settings: told.append((sensor, settings)))
-    settings = KitSettings(frequency_hz=50_000, pings=4)
+    settings = KitMessage(frequency_hz=50_000, pings=4)
     with rig.array as array:
         array.configure(settings)
         assert told == [(sensor, settings) for sensor in range(4)]
@@ -377,7 +377,7 @@ def test_kit_settings_are_sent_again_after_a_restart():
 def test_refused_settings_are_an_error():
     rig = Rig()
     with rig.array as array, pytest.raises(DeviceError, match="refuses"):
-        array.configure(KitSettings())
+        array.configure(KitMessage())
 
 
 class TwoNodes(DirectLink):
@@ -406,7 +406,7 @@ def two_nodes(uid, session):
     others = [Ranger(rig.clock) for _ in range(4)]
     second = Responder(others, rig.clock, NodeIdentity(uid=uid, session=session), CATALOGUE)
     link = TwoNodes(rig.node, second, rig.clock)
-    array = CanArray(FIXTURE, Parameters(patience=QUICK), link, rig.clock, rig.tally, link.monotonic_s)
+    array = CanArray(FIXTURE, Parameters(timeouts=QUICK), link, rig.clock, rig.tally, link.monotonic_s)
     return link, array
 
 
@@ -487,7 +487,7 @@ def test_a_babbling_node_does_not_hang_the_host():
             return arrival
 
     link = Babbler(rig.node, rig.clock)
-    array = CanArray(FIXTURE, Parameters(patience=QUICK), link, rig.clock, rig.tally, link.monotonic_s)
+    array = CanArray(FIXTURE, Parameters(timeouts=QUICK), link, rig.clock, rig.tally, link.monotonic_s)
     with array:
         echoes = array.sweep()
     assert all(echo.status is Status.FAULT for echo in echoes)
@@ -504,7 +504,7 @@ def test_random_frames_between_the_answers_change_nothing():
         data = generator.integers(0, 256, int(generator.integers(0, 12)), dtype=np.uint8).tobytes()
         if function == Function.ACKNOWLEDGE:
             data = data[:7]
-        return [Frame(function << 7 | node_part, data), frame]
+        return [CanFrame(function << 7 | node_part, data), frame]
 
     rig = Rig(lambda link: Meddler(link, noise))
     with rig.array as array:
@@ -554,7 +554,7 @@ def test_sequence_numbers_go_round_and_memory_stays():
 
 def test_a_bad_frame_is_reported_by_the_node():
     rig = Rig()
-    frames = list(rig.node.answer(Frame(identifier(Function.TRIGGER, 1), b"\0\0\0")))
+    frames = list(rig.node.answer(CanFrame(identifier(Function.TRIGGER, 1), b"\0\0\0")))
     assert len(frames) == 1
     assert frames[0].identifier >> 7 == Function.FAULT
-    assert list(rig.node.answer(Frame(identifier(Function.TRIGGER, 2), b"\0\0\0"))) == []
+    assert list(rig.node.answer(CanFrame(identifier(Function.TRIGGER, 2), b"\0\0\0"))) == []

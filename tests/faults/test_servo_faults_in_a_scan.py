@@ -14,8 +14,8 @@ import pytest
 from surfuse.commands.acquire import acquisition
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import DeviceError, SafetyStopError, SurfuseError
-from surfuse.rig.devices import Cell
-from surfuse.rig.simulated.assembly import build_cell
+from surfuse.rig.devices import Rig
+from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.rig.simulated.servo_arm import ServoArm, ServoTwinArm
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_reader import read_log
@@ -36,11 +36,11 @@ def unbroken(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run
 
 
-def a_fault_at_a_stop(parts: list[ServoArm], happens: Callable[[SimulatedCard], None]) -> Callable[[Settings], Cell]:
+def a_fault_at_a_stop(parts: list[ServoArm], happens: Callable[[SimulatedCard], None]) -> Callable[[Settings], Rig]:
     """The builder of the cell, with a fault that happens when the arm is about to leave for a stop."""
 
-    def build(settings: Settings) -> Cell:
-        cell = build_cell(settings)
+    def build(settings: Settings) -> Rig:
+        cell = simulated_rig(settings)
         assert isinstance(cell.arm, ServoTwinArm)
         parts.append(cell.arm.parts)
 
@@ -101,7 +101,7 @@ def test_a_fault_ends_in_a_safe_stop_and_the_scan_goes_on(
 ) -> None:
     run, parts = tmp_path / "run", list[ServoArm]()
     with monkeypatch.context() as patch:
-        patch.setattr(acquisition, "build_cell", a_fault_at_a_stop(parts, happens))
+        patch.setattr(acquisition, "simulated_rig", a_fault_at_a_stop(parts, happens))
         with pytest.raises(kind, match=told) as stopped:
             acquisition.acquire(SETTINGS, run, SilentWatcher())
     assert f"what was scanned is on disk, go on with 'surfuse resume {run}'" in str(stopped.value)

@@ -10,7 +10,7 @@ from surfuse.beam_model.echo.detector import DetectorModel, beam_table
 from surfuse.beam_model.heard.stations import Stations
 from surfuse.beam_model.heard.wavefronts import find_surfels
 from surfuse.beam_model.prior.raster import Raster
-from surfuse.beam_model.search.estimation import Problem, arrivals, free_space, problem
+from surfuse.beam_model.search.estimation import Estimation, arrivals, free_space, problem
 from surfuse.records import FloatArray, SensorSpec
 
 WIDE = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(26.0)), 3e-4, frequency_hz=63e3, aperture_m=0.0147)
@@ -27,7 +27,7 @@ def stations(position: FloatArray, range_m: FloatArray) -> Stations:
     )  # fmt: skip
 
 
-def line(spec: SensorSpec = WIDE) -> Problem:
+def line(spec: SensorSpec = WIDE) -> Estimation:
     u = np.arange(-0.04, 0.0401, 0.01)
     position = np.column_stack([u, np.full(len(u), 0.003), np.full(len(u), 0.43)])
     return problem(stations(position, np.full(len(u), 0.43)), (beam_table(spec, 440, DetectorModel()),), RASTER, 0.01)

@@ -13,7 +13,7 @@ from surfuse.beam_model.judge.held_out import (
     FREE_SLACK_M,
     LEAST_STATIONS,
     OWN,
-    Verdict,
+    HeldOutVerdict,
     fallen_back,
     held_out,
     judged,
@@ -24,7 +24,7 @@ from surfuse.beam_model.map.tiles import sheet_of
 from surfuse.beam_model.prior.raster import Raster
 from surfuse.beam_model.prior.smoothness import Stiffness
 from surfuse.beam_model.search.descent import Solution
-from surfuse.beam_model.search.estimation import Problem, arrivals, problem
+from surfuse.beam_model.search.estimation import Estimation, arrivals, problem
 from surfuse.records import FloatArray, GuardReason, Regime, SensorSpec, in_words
 
 SPEC = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 3e-4, frequency_hz=63e3, aperture_m=0.04)
@@ -32,7 +32,7 @@ RASTER = Raster(-0.1, -0.1, 0.01, np.ones((21, 21), dtype=bool))
 
 
 @pytest.fixture(scope="module")
-def over_a_plate() -> tuple[Problem, Stations]:
+def over_a_plate() -> tuple[Estimation, Stations]:
     """Stations over a facing plate at w = 0: those shown to the estimate, and those held out."""
     axis = np.arange(-10, 11) * 0.01
     u, v = np.meshgrid(axis, axis)
@@ -48,11 +48,13 @@ def over_a_plate() -> tuple[Problem, Stations]:
     return problem(all_of.select(~apart), tables, RASTER, 0.01), all_of.select(apart)
 
 
-def solution(p: Problem, height: FloatArray) -> Solution:
+def solution(p: Estimation, height: FloatArray) -> Solution:
     return Solution(height, arrivals(p, height, 0.004), Stiffness(1e-3, 1e2, 0.5), 0.004, 0.0, "test")
 
 
-def test_one_station_in_five_is_held_out_and_none_when_all_are_needed(over_a_plate: tuple[Problem, Stations]) -> None:
+def test_one_station_in_five_is_held_out_and_none_when_all_are_needed(
+    over_a_plate: tuple[Estimation, Stations],
+) -> None:
     p, judges = over_a_plate
     assert len(judges) == pytest.approx(441 / 5, abs=1)
     few = p.stations.select(np.arange(len(p.stations)) < LEAST_STATIONS - 1)
@@ -68,7 +70,7 @@ def test_regions_are_squares_that_cover_the_raster() -> None:
     assert np.all(number[11:, 11:] == 3)
 
 
-def test_a_true_surface_is_kept_everywhere(over_a_plate: tuple[Problem, Stations]) -> None:
+def test_a_true_surface_is_kept_everywhere(over_a_plate: tuple[Estimation, Stations]) -> None:
     p, judges = over_a_plate
     verdict = judged(p, solution(p, np.zeros(RASTER.shape)), judges)
     assert not verdict.replaced
@@ -80,7 +82,7 @@ def test_a_true_surface_is_kept_everywhere(over_a_plate: tuple[Problem, Stations
 
 
 def test_a_surface_that_is_wrong_in_one_region_is_replaced_there_and_only_there(
-    over_a_plate: tuple[Problem, Stations],
+    over_a_plate: tuple[Estimation, Stations],
 ) -> None:
     p, judges = over_a_plate
     wrong = np.where(regions(RASTER) == 3, -0.02, 0.0)
@@ -102,7 +104,7 @@ def test_a_surface_that_is_wrong_in_one_region_is_replaced_there_and_only_there(
 
 
 def test_a_better_predictor_in_free_space_is_refused(
-    over_a_plate: tuple[Problem, Stations], monkeypatch: pytest.MonkeyPatch
+    over_a_plate: tuple[Estimation, Stations], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     p, judges = over_a_plate
     bound = np.full(RASTER.shape, -0.5 - FREE_SLACK_M)
@@ -112,7 +114,7 @@ def test_a_better_predictor_in_free_space_is_refused(
     assert not verdict.replaced
 
 
-def test_without_judges_nothing_is_decided(over_a_plate: tuple[Problem, Stations]) -> None:
+def test_without_judges_nothing_is_decided(over_a_plate: tuple[Estimation, Stations]) -> None:
     p, judges = over_a_plate
     nobody = judges.select(np.zeros(len(judges), dtype=bool))
     verdict = judged(p, solution(p, np.zeros(RASTER.shape)), nobody)
@@ -120,10 +122,10 @@ def test_without_judges_nothing_is_decided(over_a_plate: tuple[Problem, Stations
     assert all(np.isnan(one.miss_m[0]) for one in verdict.decisions)
     assert "not judged" in in_words(verdict.decisions)
     assert in_words((replace(verdict.decisions[0], reason=GuardReason.BEST),)) == "of 1 region beam in 1"
-    assert not Verdict(verdict.region, verdict.decisions).replaced
+    assert not HeldOutVerdict(verdict.region, verdict.decisions).replaced
 
 
-def test_simple_surfaces_of_a_plate_are_the_plate(over_a_plate: tuple[Problem, Stations]) -> None:
+def test_simple_surfaces_of_a_plate_are_the_plate(over_a_plate: tuple[Estimation, Stations]) -> None:
     p, _ = over_a_plate
     for name, height in simple_surfaces(p).items():
         assert np.sqrt(np.mean(height**2)) < 2e-3, name

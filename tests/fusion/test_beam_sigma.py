@@ -9,12 +9,12 @@ import pytest
 
 from surfuse.beam_model.echo.detector import DetectorModel, beam_table
 from surfuse.beam_model.heard.stations import Stations
-from surfuse.beam_model.judge.rivals import spread
+from surfuse.beam_model.judge.rivals import rival_spread
 from surfuse.beam_model.map.layers import layers, speed_sigma
 from surfuse.beam_model.prior.raster import Raster
 from surfuse.beam_model.prior.smoothness import Stiffness
 from surfuse.beam_model.search.descent import Solution
-from surfuse.beam_model.search.estimation import Problem, arrivals, problem
+from surfuse.beam_model.search.estimation import Estimation, arrivals, problem
 from surfuse.records import FloatArray, SensorSpec
 
 TUBE = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 3e-4, frequency_hz=63e3, aperture_m=0.04)
@@ -22,7 +22,7 @@ LASER = SensorSpec("tof", "laser", 0.02, 2.0, float(np.radians(2.0)), 3e-4)
 RASTER = Raster(-0.05, -0.05, 0.01, np.ones((11, 11), dtype=bool))
 
 
-def plate(spec: SensorSpec, sigma_k: float) -> Problem:
+def plate(spec: SensorSpec, sigma_k: float) -> Estimation:
     axis = np.arange(-5, 6) * 0.01
     u, v = np.meshgrid(axis, axis)
     n = u.size
@@ -35,7 +35,7 @@ def plate(spec: SensorSpec, sigma_k: float) -> Problem:
     return problem(stations, (table,), RASTER, 0.01)
 
 
-def solution(p: Problem, height: FloatArray, score: float = 0.0) -> Solution:
+def solution(p: Estimation, height: FloatArray, score: float = 0.0) -> Solution:
     return Solution(height, arrivals(p, height, 0.004), Stiffness(1e-3, 1e2, 0.5), 0.004, score, "test")
 
 
@@ -62,8 +62,8 @@ def test_explanations_as_good_as_the_best_one_widen_sigma() -> None:
     flat = np.zeros((11, 11))
     other = np.where(np.arange(11) > 5, 0.01, 0.0) * np.ones((11, 1))
     best, rival = solution(p, flat), solution(p, other)
-    even = spread([best, rival], 6.0)
+    even = rival_spread([best, rival], 6.0)
     assert np.all(even[:, :5] == 0.0)
     np.testing.assert_allclose(even[:, 7:], 0.01 / np.sqrt(2.0))
-    assert np.max(spread([best, replace(rival, score=60.0)], 6.0)) < 1e-4
+    assert np.max(rival_spread([best, replace(rival, score=60.0)], 6.0)) < 1e-4
     assert np.all(layers(p, best, even).sigma_m[:, 7:] > 0.007)

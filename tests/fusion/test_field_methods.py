@@ -11,7 +11,7 @@ import pytest
 from surfuse.errors import ConfigError, DataError
 from surfuse.fusing.cones import columns_within, nearest_node, shell
 from surfuse.fusing.despiking import supported
-from surfuse.fusing.places import covered, feet_on_part, on_part
+from surfuse.fusing.places import covered, feet_on_part, nodes_on_part
 from surfuse.fusing.sites import between, groups, mean_sites, median_sites
 from surfuse.fusing.survey import survey
 from surfuse.fusion import median
@@ -205,8 +205,8 @@ def test_outline_seen_from_its_viewpoint():
     box = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.05
     outline = Outline(box, np.eye(4), viewpoint_m=np.array([0.0, 0.0, 1.0]))
     grid = MapGrid(np.array([0.0, 0.03, 0.048]), np.zeros(1), np.eye(4))
-    np.testing.assert_array_equal(on_part(grid, outline, np.zeros((1, 3)))[0], [True, True, True])
-    np.testing.assert_array_equal(on_part(grid, outline, np.full((1, 3), 0.1))[0], [True, True, False])
+    np.testing.assert_array_equal(nodes_on_part(grid, outline, np.zeros((1, 3)))[0], [True, True, True])
+    np.testing.assert_array_equal(nodes_on_part(grid, outline, np.full((1, 3), 0.1))[0], [True, True, False])
 
 
 def test_feet_beside_the_outline_are_not_on_the_part(scan):

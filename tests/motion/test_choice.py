@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from surfuse.errors import DataError
-from surfuse.motion.choice import follow, nearest, nearest_turn
+from surfuse.motion.choice import follow, nearest_configuration, nearest_turn
 
 LOWER, UPPER = np.radians([-160.0, -266.0]), np.radians([160.0, 266.0])
 
@@ -24,7 +24,7 @@ def test_nearest_turn_is_that_of_trying_all_turns() -> None:
 
 def test_nearest_prefers_the_small_move_over_the_principal_angle() -> None:
     solutions = np.radians([[[10.0, -100.0], [60.0, 240.0]]])
-    joints, index = nearest(solutions, np.array([[True, True]]), np.radians([10.0, 250.0]), LOWER, UPPER)
+    joints, index = nearest_configuration(solutions, np.array([[True, True]]), np.radians([10.0, 250.0]), LOWER, UPPER)
     assert index.tolist() == [0]
     assert_allclose(np.degrees(joints), [[10.0, 260.0]])
 
@@ -32,15 +32,15 @@ def test_nearest_prefers_the_small_move_over_the_principal_angle() -> None:
 def test_weights_decide_what_near_means() -> None:
     solutions = np.radians([[[0.0, 50.0], [40.0, 0.0]]])
     valid = np.array([[True, True]])
-    assert nearest(solutions, valid, np.zeros(2), LOWER, UPPER)[1].tolist() == [1]
-    assert nearest(solutions, valid, np.zeros(2), LOWER, UPPER, [1.0, 0.1])[1].tolist() == [0]
+    assert nearest_configuration(solutions, valid, np.zeros(2), LOWER, UPPER)[1].tolist() == [1]
+    assert nearest_configuration(solutions, valid, np.zeros(2), LOWER, UPPER, [1.0, 0.1])[1].tolist() == [0]
 
 
 def test_invalid_solutions_are_never_chosen() -> None:
     solutions = np.radians([[[0.0, 0.0], [90.0, 90.0]]])
-    assert nearest(solutions, np.array([[False, True]]), np.zeros(2), LOWER, UPPER)[1].tolist() == [1]
+    assert nearest_configuration(solutions, np.array([[False, True]]), np.zeros(2), LOWER, UPPER)[1].tolist() == [1]
     with pytest.raises(DataError):
-        nearest(solutions, np.array([[True, True]]), np.array([np.nan, 0.0]), LOWER, UPPER)
+        nearest_configuration(solutions, np.array([[True, True]]), np.array([np.nan, 0.0]), LOWER, UPPER)
 
 
 def test_follow_unwraps_and_passes_over_gaps() -> None:

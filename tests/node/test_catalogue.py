@@ -13,15 +13,15 @@ from surfuse.errors import ConfigError, DataError
 from surfuse.node.catalogue import Catalogue, Rejection
 from surfuse.node.messages import (
     Acknowledge,
+    CanFrame,
     EchoDetail,
     FaultCode,
     FaultReport,
-    Frame,
     Function,
     Heartbeat,
+    KitMessage,
     KitPulse,
     KitSampling,
-    KitSettings,
     NodeState,
     Query,
     Reading,
@@ -152,7 +152,7 @@ def test_cantools_reads_the_same_numbers(message):
 
 @given(st.sampled_from(DATABASE.messages), st.binary(min_size=8, max_size=8))
 def test_whatever_cantools_encodes_is_decoded_or_refused(message, data):
-    decoded = CATALOGUE.decode(Frame(message.frame_id, data))
+    decoded = CATALOGUE.decode(CanFrame(message.frame_id, data))
     if isinstance(decoded, Rejection):
         assert decoded in (Rejection.UNKNOWN_WORD, Rejection.SENTINEL)
     elif isinstance(decoded, Reading):
@@ -163,17 +163,17 @@ def test_whatever_cantools_encodes_is_decoded_or_refused(message, data):
 
 @given(st.integers(-1, 0xFFFF), st.binary(max_size=12))
 def test_no_bytes_break_the_decoder(frame_id, data):
-    CATALOGUE.decode(Frame(frame_id, data))
+    CATALOGUE.decode(CanFrame(frame_id, data))
 
 
 @pytest.mark.parametrize("length", [0, 7, 9, 64])
 def test_a_wrong_length_is_no_message(length):
-    assert CATALOGUE.decode(Frame(identifier(Function.READING, 1), bytes(length))) is Rejection.WRONG_LENGTH
+    assert CATALOGUE.decode(CanFrame(identifier(Function.READING, 1), bytes(length))) is Rejection.WRONG_LENGTH
 
 
 def raw_reading(status, count, range_raw):
     bits = status << 16 | count << 19 | range_raw << 24
-    return Frame(identifier(Function.READING, 1, 3), bits.to_bytes(8, "little"))
+    return CanFrame(identifier(Function.READING, 1, 3), bits.to_bytes(8, "little"))
 
 
 @pytest.mark.parametrize(
@@ -184,8 +184,8 @@ def raw_reading(status, count, range_raw):
         (raw_reading(0, 0, 43_000), Rejection.SENTINEL),
         (raw_reading(1, 4, 43_000), Rejection.SENTINEL),
         (raw_reading(5, 4, 43_000), Rejection.UNKNOWN_WORD),
-        (Frame(0x7FF, bytes(8)), Rejection.FOREIGN),
-        (Frame(0x7FF << 4, bytes(8)), Rejection.FOREIGN),
+        (CanFrame(0x7FF, bytes(8)), Rejection.FOREIGN),
+        (CanFrame(0x7FF << 4, bytes(8)), Rejection.FOREIGN),
     ],
 )
 def test_contradictions_are_refused(frame, rejection):
@@ -241,7 +241,7 @@ def test_what_the_bus_cannot_carry_is_refused_and_not_clamped(message):
 )
 def test_kit_settings_have_limits(change):
     with pytest.raises(ConfigError, match=next(iter(change))):
-        KitSettings(**change)
+        KitMessage(**change)
 
 
 GOOD = DBC.read_text()

@@ -9,14 +9,14 @@ import pytest
 from surfuse.errors import ConfigError, DeviceError
 from surfuse.node.averaging import average_echoes
 from surfuse.node.catalogue import Catalogue
-from surfuse.node.counters import BusCounters, Event, Tally
+from surfuse.node.counters import BusCounters, BusEvent, Tally
 from surfuse.node.firmware import MonotonicClock, Node, run
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import (
     Acknowledge,
+    CanFrame,
     FaultCode,
     FaultReport,
-    Frame,
     Heartbeat,
     NodeState,
     Query,
@@ -26,7 +26,7 @@ from surfuse.node.messages import (
 )
 from surfuse.node.responder import NodeIdentity, Responder
 from surfuse.node.simultaneous_fire import ThreadedVolley
-from surfuse.node.watch import NodeWatch, Verdict
+from surfuse.node.watch import LineVerdict, NodeWatch
 from surfuse.records import Echo, SensorSpec, Status
 
 CATALOGUE = Catalogue()
@@ -127,7 +127,7 @@ def test_all_sensors_are_in_the_air_at_once_when_the_trigger_says_so():
 
     sensors = [Meeting(), Meeting()]
     air = threading.Lock()
-    node = Responder(sensors, CLOCK, NodeIdentity(), CATALOGUE, air=air, volley=ThreadedVolley(sensors))
+    node = Responder(sensors, CLOCK, NodeIdentity(), CATALOGUE, air=air, fire_together=ThreadedVolley(sensors))
     told = messages_of(node, 1, 3, 0, 0b11, 0, 1)
     assert [message.result for message in told if isinstance(message, Acknowledge)] == [Result.ACCEPTED, Result.DONE]
     assert [message.status for message in told if isinstance(message, Reading)] == [Status.OK, Status.OK]
@@ -144,7 +144,7 @@ def test_a_sensor_that_fails_in_a_volley_is_a_fault_and_the_others_answer():
             raise OSError("unplugged")
 
     sensors = [Broken(), Ranger()]
-    node = Responder(sensors, CLOCK, NodeIdentity(), CATALOGUE, volley=ThreadedVolley(sensors))
+    node = Responder(sensors, CLOCK, NodeIdentity(), CATALOGUE, fire_together=ThreadedVolley(sensors))
     told = messages_of(node, 1, 3, 0, 0b11, 0, 1)
     assert [message.code for message in told if isinstance(message, FaultReport)] == [FaultCode.SENSOR_FAILED]
     assert [message.status for message in told if isinstance(message, Reading)] == [Status.FAULT, Status.NO_ECHO]
@@ -153,11 +153,13 @@ def test_a_sensor_that_fails_in_a_volley_is_a_fault_and_the_others_answer():
 def test_several_volleys_are_averaged_for_each_sensor():
     sensors, volleys = [Ranger(), Ranger()], []
 
-    def volley(numbers):
+    def fire_together(numbers):
         volleys.append(list(numbers))
         return [Echo(0.5 + 0.1 * number + 0.01 * len(volleys), Status.OK, CLOCK.now_s()) for number in numbers]
 
-    node = Responder(sensors, CLOCK, NodeIdentity(), CATALOGUE, pings=3, average=average_echoes, volley=volley)
+    node = Responder(
+        sensors, CLOCK, NodeIdentity(), CATALOGUE, pings=3, average=average_echoes, fire_together=fire_together
+    )
     told = messages_of(node, 1, 3, 0, 0b11, 0, 1)
     assert volleys == [[0, 1]] * 3
     ranges = [message.range_m for message in told if isinstance(message, Reading)]
@@ -193,7 +195,7 @@ def test_an_adapter_that_is_not_there_ends_the_program_at_once():
 def test_bad_frames_show_in_the_heartbeat():
     node = responder()
     for _ in range(300):
-        list(node.answer(Frame(2 << 7 | 1 << 4, b"short")))
+        list(node.answer(CanFrame(2 << 7 | 1 << 4, b"short")))
     assert CATALOGUE.decode(node.heartbeat()).rx_errors == 255
 
 
@@ -214,14 +216,14 @@ def test_a_node_has_one_to_eight_sensors():
 def test_the_watch_tells_a_restart_from_a_rival():
     watch = NodeWatch()
     verdicts = [watch.see(session) for session in (4, 4, 9, 9, 4)]
-    assert verdicts == [Verdict.SAME, Verdict.SAME, Verdict.RESTARTED, Verdict.SAME, Verdict.RIVAL]
+    assert verdicts == [LineVerdict.SAME, LineVerdict.SAME, LineVerdict.RESTARTED, LineVerdict.SAME, LineVerdict.RIVAL]
     other = NodeWatch()
-    assert other.hear(Heartbeat(1, NodeState.READY, 4, 0, 0, 1, 0, 1)) is Verdict.SAME
-    assert other.hear(Heartbeat(1, NodeState.READY, 4, 0, 0, 1, 0, 2)) is Verdict.RIVAL
+    assert other.hear(Heartbeat(1, NodeState.READY, 4, 0, 0, 1, 0, 1)) is LineVerdict.SAME
+    assert other.hear(Heartbeat(1, NodeState.READY, 4, 0, 0, 1, 0, 2)) is LineVerdict.RIVAL
 
 
 def test_every_event_is_a_counter_in_the_same_order():
-    assert [event.value for event in Event] == list(BusCounters.__dataclass_fields__)
+    assert [event.value for event in BusEvent] == list(BusCounters.__dataclass_fields__)
     tally = Tally()
-    tally.add(Event.LOST, 3)
+    tally.add(BusEvent.LOST, 3)
     assert tally.snapshot().lost == 3

@@ -13,7 +13,7 @@ from surfuse.errors import ConfigError, DeviceError
 from surfuse.node.counters import Tally
 from surfuse.node.firmware import MonotonicClock
 from surfuse.node.link import BusLink, BusParameters, open_bus
-from surfuse.node.messages import Frame
+from surfuse.node.messages import CanFrame
 
 
 def until(condition, limit_s=5.0):
@@ -62,10 +62,10 @@ def test_frames_go_both_ways_over_the_virtual_bus():
     one, _ = linked(lambda: open_bus(parameters))
     two, tally = linked(lambda: open_bus(parameters))
     with one, two:
-        assert one.send(Frame(0x211, b"12345678"))
+        assert one.send(CanFrame(0x211, b"12345678"))
         arrival = two.receive(2.0)
         assert arrival is not None
-        assert arrival.frame == Frame(0x211, b"12345678")
+        assert arrival.frame == CanFrame(0x211, b"12345678")
         assert arrival.t_s == pytest.approx(time.monotonic(), abs=2.0)
         assert two.receive(0.0) is None
     assert tally.snapshot().frames == 1
@@ -112,7 +112,7 @@ def test_an_adapter_that_stays_away_is_tried_with_growing_pauses():
     link, _ = linked(opener)
     with link:
         until(lambda: len(opened) >= 4)
-        assert not link.send(Frame(0x110, bytes(8)))
+        assert not link.send(CanFrame(0x110, bytes(8)))
     pauses = [later - earlier for earlier, later in itertools.pairwise(opened[1:])]
     assert pauses[1] > 1.5 * pauses[0]
 
@@ -164,9 +164,9 @@ def test_a_refused_frame_is_counted_and_opens_the_adapter_again():
     buses = [ScriptedBus([], refuse=True), ScriptedBus([])]
     link, tally = linked(lambda: buses.pop(0))
     with link:
-        assert not link.send(Frame(0x110, bytes(8)))
+        assert not link.send(CanFrame(0x110, bytes(8)))
         until(lambda: tally.snapshot().reopened == 1)
-        assert link.send(Frame(0x110, bytes(8)))
+        assert link.send(CanFrame(0x110, bytes(8)))
     assert tally.snapshot().send_errors == 1
 
 
@@ -208,7 +208,7 @@ def test_slcan_garbage_on_a_pseudo_terminal():
             os.write(host, b"t21\r\x07tZZZ8\r" + b"t2108" + b"0123456789ABCDEF" + b"\r")
             arrival = link.receive(5.0)
             assert arrival is not None
-            assert arrival.frame == Frame(0x210, bytes.fromhex("0123456789ABCDEF"))
+            assert arrival.frame == CanFrame(0x210, bytes.fromhex("0123456789ABCDEF"))
             assert tally.snapshot().receive_errors == 2
             # python-can keeps bytes that are no ASCII for ever; only a fresh start helps.
             os.write(host, b"\xff\r")
@@ -216,8 +216,8 @@ def test_slcan_garbage_on_a_pseudo_terminal():
             os.write(host, b"t2112FFFF\r")
             arrival = link.receive(5.0)
             assert arrival is not None
-            assert arrival.frame == Frame(0x211, b"\xff\xff")
-            assert link.send(Frame(0x110, b"\x01" * 8))
+            assert arrival.frame == CanFrame(0x211, b"\xff\xff")
+            assert link.send(CanFrame(0x110, b"\x01" * 8))
             sent = b""
             while not sent.endswith(b"t11080101010101010101\r"):
                 sent += os.read(host, 100)

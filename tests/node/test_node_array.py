@@ -14,9 +14,9 @@ from surfuse.node.counters import Tally
 from surfuse.node.disturbed_bus import BadBus, BadLink
 from surfuse.node.firmware import MonotonicClock, Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
-from surfuse.node.messages import KitSettings, NodeState
+from surfuse.node.messages import KitMessage, NodeState
 from surfuse.node.responder import NodeIdentity, Responder
-from surfuse.node.timeouts import Patience
+from surfuse.node.timeouts import NodeTimeouts
 from surfuse.records import Echo, Fixture, SensorSpec, Status
 from surfuse.rig import sequential_array as sequential
 from surfuse.sensors import polaroid, simulated
@@ -60,7 +60,7 @@ class NoisyRanger:
 
 
 class Setup:
-    def __init__(self, name, delay_s=0.0, wrap=lambda link: link, patience=None, settle_s=None):
+    def __init__(self, name, delay_s=0.0, wrap=lambda link: link, timeouts=None, settle_s=None):
         self.clock = SteppedClock()
         generator = np.random.default_rng(42)
         self.sensors = [NoisyRanger(self.clock, generator, delay_s) for _ in range(4)]
@@ -68,7 +68,7 @@ class Setup:
         responder = Responder(self.sensors, self.clock, NodeIdentity(), Catalogue())
         self.node_tally, self.tally = Tally(), Tally()
         self.node = Node(responder, BusLink(lambda: open_bus(bus), self.clock, self.node_tally))
-        self.parameters = Parameters(bus=bus, patience=patience or Patience(silence_limit_s=60.0))
+        self.parameters = Parameters(bus=bus, timeouts=timeouts or NodeTimeouts(silence_limit_s=60.0))
         link = wrap(BusLink(lambda: open_bus(bus), self.clock, self.tally))
         self.array = CanArray(FIXTURE, self.parameters, link, self.clock, self.tally)
 
@@ -145,7 +145,9 @@ def test_the_simulated_array_gives_the_same_bits_with_and_without_the_bus():
 def test_results_do_not_depend_on_the_timing_of_threads():
     quick = sweeps(Setup("timing_quick"), 12)
     slow = sweeps(Setup("timing_slow", delay_s=0.01), 12)
-    impatient = Setup("timing_impatient", delay_s=0.02, patience=Patience(answer_timeout_s=0.003, silence_limit_s=60.0))
+    impatient = Setup(
+        "timing_impatient", delay_s=0.02, timeouts=NodeTimeouts(answer_timeout_s=0.003, silence_limit_s=60.0)
+    )
     assert same(quick, slow)
     assert same(quick, sweeps(impatient, 12))
     assert impatient.array.counters.retriggers > 0
@@ -153,9 +155,9 @@ def test_results_do_not_depend_on_the_timing_of_threads():
 
 
 def test_results_do_not_depend_on_a_bad_bus():
-    patience = Patience(answer_timeout_s=0.01, silence_limit_s=10.0)
+    timeouts = NodeTimeouts(answer_timeout_s=0.01, silence_limit_s=10.0)
     bad = BadBus(0.1, 0.1, 0.1)
-    lossy = Setup("bad_bus", wrap=lambda link: BadLink(link, bad, np.random.default_rng(2)), patience=patience)
+    lossy = Setup("bad_bus", wrap=lambda link: BadLink(link, bad, np.random.default_rng(2)), timeouts=timeouts)
     assert same(sweeps(Setup("good_bus"), 60), sweeps(lossy, 60))
     assert lossy.array.counters.retriggers > 0
 
@@ -231,13 +233,13 @@ def test_a_node_that_is_started_late_is_waited_for():
 
 
 def test_no_node_is_an_error_with_a_cure():
-    setup = Setup("no_node", patience=Patience(connect_timeout_s=0.2))
+    setup = Setup("no_node", timeouts=NodeTimeouts(connect_timeout_s=0.2))
     with pytest.raises(DeviceError, match="check power, wiring, bitrate and id"), setup.array:
         pass
 
 
 def test_a_node_that_dies_ends_in_faults_and_then_an_error():
-    setup = Setup("dies", patience=Patience(answer_timeout_s=0.05, silence_limit_s=0.5))
+    setup = Setup("dies", timeouts=NodeTimeouts(answer_timeout_s=0.05, silence_limit_s=0.5))
     with setup.node:
         array = setup.array
         array.__enter__()
@@ -272,7 +274,7 @@ def test_settings_reach_the_kit_over_the_bus():
         sensors, clock, NodeIdentity(), Catalogue(), configure=lambda sensor, settings: told.append((sensor, settings))
     )
     node = Node(responder, BusLink(lambda: open_bus(bus), clock, Tally()))
-    settings = KitSettings(49_410, 16, 2380, 37.5, 500_000, pings=12)
+    settings = KitMessage(49_410, 16, 2380, 37.5, 500_000, pings=12)
     with node, create(FIXTURE, Parameters(bus=bus), clock) as array:
         array.configure(settings, sensor=1)
     assert told == [(1, settings)]
@@ -290,7 +292,7 @@ def test_a_node_can_average_plain_sensors():
     node = Node(responder, BusLink(lambda: open_bus(bus), clock, Tally()))
     with node, create(FIXTURE, Parameters(bus=bus), clock) as array:
         first = array.sweep()
-        array.configure(KitSettings(pings=20))
+        array.configure(KitMessage(pings=20))
         second = array.sweep()
     assert all(4 <= echo.count <= 6 for echo in first)
     assert all(15 <= echo.count <= 20 for echo in second)
@@ -317,7 +319,7 @@ def test_parameters_have_limits(change):
 )
 def test_patience_has_limits(change):
     with pytest.raises(ConfigError, match=next(iter(change))):
-        Patience(**change)
+        NodeTimeouts(**change)
 
 
 def test_a_fixture_must_fit_the_numbers():

@@ -13,8 +13,8 @@ from surfuse.node.array import Parameters, create
 from surfuse.node.counters import Tally
 from surfuse.node.firmware import MonotonicClock
 from surfuse.node.link import BusLink, BusParameters, open_bus
-from surfuse.node.messages import Frame
-from surfuse.node.timeouts import Patience
+from surfuse.node.messages import CanFrame
+from surfuse.node.timeouts import NodeTimeouts
 from surfuse.records import Fixture, SensorSpec, Status
 
 BUS = BusParameters("udp_multicast", "239.74.163.77", options=(("port", 43_177), ("hop_limit", 0)))
@@ -55,7 +55,7 @@ def multicast_works():
     try:
         ends = [BusLink(lambda: open_bus(BUS), clock, Tally()) for _ in range(2)]
         with ends[0], ends[1]:
-            ends[0].send(Frame(0x7EF, b"probe"))
+            ends[0].send(CanFrame(0x7EF, b"probe"))
             return ends[1].receive(1.0) is not None
     except DeviceError:
         return False
@@ -68,9 +68,9 @@ def test_host_and_node_are_two_processes():
     node = subprocess.Popen(
         [sys.executable, "-c", textwrap.dedent(NODE)], stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    patience = Patience(connect_timeout_s=30.0, answer_timeout_s=0.2)
+    timeouts = NodeTimeouts(connect_timeout_s=30.0, answer_timeout_s=0.2)
     try:
-        with create(FIXTURE, Parameters(bus=BUS, patience=patience)) as array:
+        with create(FIXTURE, Parameters(bus=BUS, timeouts=timeouts)) as array:
             before_s = MonotonicClock().now_s()
             all_echoes = [array.sweep() for _ in range(10)]
             after_s = MonotonicClock().now_s()

@@ -11,7 +11,7 @@ from surfuse.records import FusedPoints, FusionResult, Gap, SurfaceMap
 from surfuse.runs.scan_source import load_scan
 from surfuse.settings import load
 from surfuse.surface.score import score
-from surfuse.surface.truth import read_mesh, truth_around
+from surfuse.surface.truth import read_truth_mesh, truth_around
 
 PLATE_HALF_M = 0.10
 STEP_AT_M = 0.10
@@ -122,7 +122,7 @@ def test_agreement_falls_where_sensors_see_both_sides_of_the_step(without):
 
 def test_the_paper_opposes_steep_slopes_whatever_is_switched_off(without, experiment):
     """Conclusion of the paper: big variations have to be treated in other ways than by weights."""
-    vertices, triangles = read_mesh(experiment("relief") / "truth.ply")
+    vertices, triangles = read_truth_mesh(experiment("relief") / "truth.ply")
     for factors in ((), ("dc1",), ("dc2",), ("dc3",), ("dc1", "dc2", "dc3")):
         surface = without("relief", *factors)[1]
         assert 0.005 < score(surface, truth_around(vertices, triangles, surface.grid)).rmse_m < 0.05

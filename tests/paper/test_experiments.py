@@ -12,14 +12,14 @@ from surfuse.exporters import nc
 from surfuse.records import Gap, SurfaceMap
 from surfuse.surface.score import score
 from surfuse.surface.splines import spline_surface
-from surfuse.surface.truth import read_mesh, truth_around
+from surfuse.surface.truth import read_truth_mesh, truth_around
 
 STEP_M = 0.09
 
 
 def scored(run: Path, surface: SurfaceMap | None = None):
     surface = surface or nc.read(run / "surface.nc")
-    return score(surface, truth_around(*read_mesh(run / "truth.ply"), surface.grid))
+    return score(surface, truth_around(*read_truth_mesh(run / "truth.ply"), surface.grid))
 
 
 def test_plate_at_0_degrees_is_well_retrieved(experiment):
@@ -49,7 +49,7 @@ def test_relief_is_there_but_rounded(experiment):
     front, back = profile[(v > 0.02) & (v < 0.07)].mean(), profile[(v > 0.17) & (v < 0.20)].mean()
     assert front - back == pytest.approx(STEP_M, abs=0.01)
     # The beam hears the nearer surface first, so the block seems higher than it is.
-    assert edge_m(surface, *read_mesh(run / "truth.ply")) > 0.003
+    assert edge_m(surface, *read_truth_mesh(run / "truth.ply")) > 0.003
     between = surface.height_m[(surface.height_m < front - 0.01) & (surface.height_m > back + 0.01)]
     assert len(between) > 10
 

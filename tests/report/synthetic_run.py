@@ -22,12 +22,12 @@ from surfuse.records import (
 )
 from surfuse.report.content import (
     ComparisonContent,
-    Event,
-    FoundPart,
+    FoundPartView,
     KeyFigure,
     NamedMap,
     PlanView,
     ReportContent,
+    ReportEvent,
     SceneComparison,
     Scenery,
     ScoreRow,
@@ -155,7 +155,7 @@ def skeleton(readings: Readings) -> FloatArray:
     return np.stack([base, shoulder, elbow, wrist - [0.08, 0.0, 0.0], wrist], axis=1)
 
 
-def found_part(rng: np.random.Generator) -> FoundPart:
+def found_part(rng: np.random.Generator) -> FoundPartView:
     """A camera image, 500 x 582 non-square pixels, of a bright plate in front of a dark cell."""
     y, x = np.mgrid[0:582, 0:500]
     plate = (x > 150) & (x < 340) & (y > 130) & (y < 440)
@@ -171,7 +171,7 @@ def found_part(rng: np.random.Generator) -> FoundPart:
         [np.linspace(a, b, 80, endpoint=False) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
     )
     histogram = np.bincount(pixels.ravel(), minlength=256)
-    return FoundPart("the part", pixels, contour, corners, pixel_aspect=1.552, threshold=112, histogram=histogram)
+    return FoundPartView("the part", pixels, contour, corners, pixel_aspect=1.552, threshold=112, histogram=histogram)
 
 
 def plan(readings: Readings) -> PlanView:
@@ -232,9 +232,9 @@ def report_content(seed: int = 1) -> ReportContent:
             )
         ),
         events=(
-            Event("search: part found at 0.0 degrees after 1 image", t_s=2.1),
-            Event("sensor us2: 9 faulty readings", "warning", 301.4),
-            Event("scan complete", t_s=706.2),
+            ReportEvent("search: part found at 0.0 degrees after 1 image", t_s=2.1),
+            ReportEvent("sensor us2: 9 faulty readings", "warning", 301.4),
+            ReportEvent("scan complete", t_s=706.2),
         ),
         configuration_toml=CONFIG,
         rival=NamedMap("sharp", rival(rng)),

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from surfuse.records import SkippedStop
-from surfuse.report.axes import Frame, round_ticks
-from surfuse.report.content import FoundPart, PlanView
+from surfuse.report.axes import AxesFrame, round_ticks
+from surfuse.report.content import FoundPartView, PlanView
 from surfuse.report.plan_drawing import plan_chart, skipped_reasons
 from surfuse.report.search_drawing import histogram_chart, jpeg, search_image
 
@@ -33,7 +33,7 @@ def test_ticks_of_no_range_are_harmless(low, high):
 
 
 def test_frame_puts_u_to_the_right_and_v_up():
-    frame = Frame(0.0, 10.0, 0.0, 5.0, 20.0, 30.0, 100.0, 50.0)
+    frame = AxesFrame(0.0, 10.0, 0.0, 5.0, 20.0, 30.0, 100.0, 50.0)
     assert (frame.x(0.0), frame.x(10.0)) == (20.0, 120.0)
     assert (frame.y(0.0), frame.y(5.0)) == (80.0, 30.0)
 
@@ -99,11 +99,11 @@ def test_large_images_are_made_smaller():
 
 
 def test_histogram_is_left_out_when_there_is_none():
-    assert histogram_chart(FoundPart("p", np.zeros((2, 2), np.uint8))) is None
+    assert histogram_chart(FoundPartView("p", np.zeros((2, 2), np.uint8))) is None
 
 
 @pytest.mark.parametrize("threshold", [None, 0, 255])
 def test_histogram_names_its_threshold(threshold):
-    part = FoundPart("p", np.zeros((2, 2), np.uint8), threshold=threshold, histogram=np.arange(256))
+    part = FoundPartView("p", np.zeros((2, 2), np.uint8), threshold=threshold, histogram=np.arange(256))
     names = labels(histogram_chart(part))
     assert (f"threshold {threshold}" in names) == (threshold is not None)

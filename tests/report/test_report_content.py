@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from surfuse.errors import DataError
-from surfuse.report.content import ComparisonContent, FoundPart, PlanView, ReportContent, Scenery, plan_view
+from surfuse.report.content import ComparisonContent, FoundPartView, PlanView, ReportContent, Scenery, plan_view
 
 
 def test_title_is_the_only_thing_needed():
@@ -47,17 +47,17 @@ def test_arrays_are_copies_that_cannot_be_written():
 @pytest.mark.parametrize("image", [np.zeros((4, 4)), np.zeros((4, 4, 3), np.uint8), np.zeros((0, 4), np.uint8)])
 def test_only_grey_images_are_taken(image):
     with pytest.raises(DataError, match="grey uint8"):
-        FoundPart("p", image)
+        FoundPartView("p", image)
 
 
 def test_found_part_checks_its_numbers():
     image = np.zeros((4, 4), np.uint8)
     with pytest.raises(DataError, match="pixel_aspect"):
-        FoundPart("p", image, pixel_aspect=float("nan"))
+        FoundPartView("p", image, pixel_aspect=float("nan"))
     with pytest.raises(DataError, match="histogram"):
-        FoundPart("p", image, histogram=np.zeros(10, np.int64))
+        FoundPartView("p", image, histogram=np.zeros(10, np.int64))
     with pytest.raises(DataError, match="contour_px"):
-        FoundPart("p", image, contour_px=np.zeros((5, 3)))
+        FoundPartView("p", image, contour_px=np.zeros((5, 3)))
 
 
 def test_scenery_checks_shapes():

@@ -11,7 +11,7 @@ import pytest
 from surfuse.errors import ConfigError, DataError, StorageError
 from surfuse.records import GuardReason, RegionDecision, SkippedStop
 from surfuse.report.comparison import render_comparison
-from surfuse.report.content import SAFETY, Event, KeyFigure, ReportContent
+from surfuse.report.content import SAFETY, KeyFigure, ReportContent, ReportEvent
 from surfuse.report.page import PageLimits, render_report
 from surfuse.report.skeleton import POLICY, write_page
 
@@ -187,7 +187,7 @@ def hostile(content):
         truth=replace(content.truth, label=HOSTILE),
         readings=replace(content.readings, specs=specs),
         scores=tuple(replace(row, method=HOSTILE) for row in content.scores),
-        events=(Event(HOSTILE, "error", 1.0),),
+        events=(ReportEvent(HOSTILE, "error", 1.0),),
         configuration_toml=HOSTILE,
         safety=HOSTILE,
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from surfuse.records import Outline
-from surfuse.report.content import FoundPart, MarkedLevel
+from surfuse.report.content import FoundPartView, MarkedLevel
 from surfuse.report.outline_drawing import outline_chart
 from surfuse.report.search_drawing import histogram_chart
 from surfuse.report.search_section import search_section
@@ -19,7 +19,9 @@ LEVELS = (MarkedLevel("otsu", 100, 0.98), MarkedLevel("maximum_entropy", 140, 0.
 
 
 def part(label="part 1", **more):
-    return FoundPart(label, np.zeros((20, 30), np.uint8), histogram=np.arange(256), threshold=99, levels=LEVELS, **more)
+    return FoundPartView(
+        label, np.zeros((20, 30), np.uint8), histogram=np.arange(256), threshold=99, levels=LEVELS, **more
+    )
 
 
 def text_of(markup):

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from surfuse.errors import DataError
-from surfuse.surface.truth import read_mesh
+from surfuse.surface.truth import read_truth_mesh
 
 SQUARE = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.02], [0.0, 0.1, 0.02]])
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -17,7 +17,7 @@ FACES = np.array([[0, 1, 2], [0, 2, 3]])
 def test_meshes_are_read_in_the_files_own_unit(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"part.{suffix}"
     trimesh.Trimesh(SQUARE, FACES, process=False).export(path)
-    vertices, faces = read_mesh(path)
+    vertices, faces = read_truth_mesh(path)
     np.testing.assert_allclose(vertices[faces], SQUARE[FACES], atol=1e-7)
 
 
@@ -33,11 +33,11 @@ def test_what_is_no_mesh_is_refused_with_its_path(tmp_path: Path, name: str) -> 
     elif name.startswith("folder"):
         path.mkdir()
     with pytest.raises(DataError, match=name):
-        read_mesh(path)
+        read_truth_mesh(path)
 
 
 def test_a_mesh_of_nan_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "part.ply"
     trimesh.Trimesh(np.where(SQUARE > 0.05, np.nan, SQUARE), FACES, process=False).export(path)
     with pytest.raises(DataError, match="finite"):
-        read_mesh(path)
+        read_truth_mesh(path)

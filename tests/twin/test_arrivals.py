@@ -9,7 +9,7 @@ from surfuse.twin.acoustics.beam import BundleParameters
 from surfuse.twin.acoustics.kit import BARE
 from surfuse.twin.acoustics.sounder import BIN_M, Sounder
 from surfuse.twin.materials import MATERIALS, Material, Surface
-from surfuse.twin.scene import Body, Scene
+from surfuse.twin.scene import Scene, SceneBody
 
 LOOK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
@@ -17,7 +17,7 @@ LOOK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 def scene(tilt_deg: float) -> Scene:
     corners = np.array([[0, -2, -2], [0, 2, -2], [0, 2, 2], [0, -2, 2]], dtype=np.float64)
     turn = pose(rotation_about([0, 1, 1], np.radians(tilt_deg)), [0, 0, 0])
-    return Scene([Body(corners, np.array([[0, 2, 1], [0, 3, 2]]), Material.PART, turn)])
+    return Scene([SceneBody(corners, np.array([[0, 2, 1], [0, 3, 2]]), Material.PART, turn)])
 
 
 def hits(sounder: Sounder, there: np.ndarray):

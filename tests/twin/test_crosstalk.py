@@ -8,21 +8,21 @@ import pytest
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FloatArray, Status
-from surfuse.rig.devices import Cell, looking_outwards, world_from_shoulder
-from surfuse.rig.simulated.assembly import build_cell
+from surfuse.rig.devices import Rig, looking_outwards, world_from_shoulder
+from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.settings import load
 from surfuse.twin.acoustics.crosstalk import ping_together
 from surfuse.twin.acoustics.noise import SILENT
 from surfuse.twin.acoustics.sounder import Sounder
 from surfuse.twin.materials import Material
-from surfuse.twin.scene import Body, Scene
+from surfuse.twin.scene import Scene, SceneBody
 
 LOOK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # beam along +x
 
 
-def sheet(x: float, y_low: float, y_high: float) -> Body:
+def sheet(x: float, y_low: float, y_high: float) -> SceneBody:
     corners = np.array([[x, y_low, -0.4], [x, y_high, -0.4], [x, y_high, 0.4], [x, y_low, 0.4]])
-    return Body(corners, np.array([[0, 2, 1], [0, 3, 2]]), Material.PART_SMOOTH, np.eye(4))
+    return SceneBody(corners, np.array([[0, 2, 1], [0, 3, 2]]), Material.PART_SMOOTH, np.eye(4))
 
 
 def at(y: float, distance: float = 0.45) -> np.ndarray:
@@ -85,7 +85,7 @@ def test_beams_that_are_not_parallel_are_refused() -> None:
         ping_together(Sounder(Scene([sheet(0.0, -0.4, 0.4)])), np.stack([at(0.0), turned]), 1, SILENT, quiet(2), 0.0)
 
 
-def facing_the_part(cell: Cell, forward_m: float = 0.69, height_m: float = 1.10) -> FloatArray:
+def facing_the_part(cell: Rig, forward_m: float = 0.69, height_m: float = 1.10) -> FloatArray:
     """Joints that bring the grip 0.43 m in front of the part of the usual cell, looking outwards."""
     grip = world_from_shoulder(math.radians(35.0)) @ looking_outwards(forward_m, height_m)
     joints, reached = cell.arm.kinematics.inverse(grip[None])
@@ -95,7 +95,7 @@ def facing_the_part(cell: Cell, forward_m: float = 0.69, height_m: float = 1.10)
 def test_the_trigger_of_the_array_decides_in_the_cell() -> None:
     sweeps, seconds = {}, {}
     for trigger in ("sequential", "simultaneous"):
-        cell = build_cell(
+        cell = simulated_rig(
             load(None, ["scene.name=flat", "bus.interface=none", "arm.driver=kinematic", f"array.trigger={trigger}"])
         )
         cell.begin("stop", 0)

@@ -15,7 +15,7 @@ from surfuse.twin.acoustics.kit import BARE, TUBE, KitParameters, TransducerPara
 from surfuse.twin.acoustics.noise import SILENT, AcousticNoise
 from surfuse.twin.acoustics.sounder import Sounder
 from surfuse.twin.materials import Material
-from surfuse.twin.scene import Body, Scene
+from surfuse.twin.scene import Scene, SceneBody
 
 FINE = KitParameters(sample_rate_hz=1e8)
 LOOK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # beam along +x
@@ -26,7 +26,7 @@ def plane(tilt_deg: float = 0.0, material: Material = MATTE, half: float = 0.4, 
     """A square sheet through the origin, facing -x, turned about z."""
     corners = np.array([[0, -half, -half], [0, half, -half], [0, half, half], [0, -half, half]])
     turn = pose(rotation_about([0, 0, 1], np.radians(tilt_deg)), there)
-    return Scene([Body(corners, np.array([[0, 2, 1], [0, 3, 2]]), material, turn)])
+    return Scene([SceneBody(corners, np.array([[0, 2, 1], [0, 3, 2]]), material, turn)])
 
 
 def step(height: float = 0.09, material: Material = MATTE) -> Scene:
@@ -34,7 +34,7 @@ def step(height: float = 0.09, material: Material = MATTE) -> Scene:
     h, d = 0.4, height
     corners = [[0, -h, -h], [0, 0, -h], [0, 0, h], [0, -h, h], [d, 0, -h], [d, h, -h], [d, h, h], [d, 0, h]]
     faces = [[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6], [1, 2, 7], [1, 7, 4]]
-    return Scene([Body(np.array(corners, dtype=np.float64), np.array(faces), material, np.eye(4))])
+    return Scene([SceneBody(np.array(corners, dtype=np.float64), np.array(faces), material, np.eye(4))])
 
 
 def at(distance: float, y: float = 0.0, z: float = 0.0, yaw_deg: float = 0.0) -> np.ndarray:
@@ -62,7 +62,9 @@ def test_a_facing_plate_echoes_like_one_over_twice_its_distance(transducer: Tran
 @pytest.mark.parametrize(("radius", "tolerance"), [(0.10, 0.05), (0.20, 0.05), (0.40, 0.05)])
 def test_a_ball_echoes_like_its_radius_over_radius_plus_distance(radius: float, tolerance: float) -> None:
     ball = trimesh.creation.icosphere(subdivisions=5, radius=radius)
-    scene = Scene([Body(np.asarray(ball.vertices), np.asarray(ball.faces), SMOOTH, pose(np.eye(3), [radius, 0, 0]))])
+    scene = Scene(
+        [SceneBody(np.asarray(ball.vertices), np.asarray(ball.faces), SMOOTH, pose(np.eye(3), [radius, 0, 0]))]
+    )
     sounder = Sounder(scene, TUBE, bundle=BundleParameters(rays=2048))
     distance = 0.3
     amplitude = np.sqrt(mirror_energy(sounder, at(distance + TUBE.tube_length_m)) / 0.99)
@@ -248,7 +250,7 @@ def test_a_smooth_corner_returns_the_two_bounce_distance() -> None:
         [[0, 0, -leg], [-leg, leg, -leg], [-leg, leg, leg], [0, 0, leg], [-leg, -leg, -leg], [-leg, -leg, leg]]
     )
     faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 5], [0, 5, 4]])
-    scene = Scene([Body(corners, faces, SMOOTH, np.eye(4))])
+    scene = Scene([SceneBody(corners, faces, SMOOTH, np.eye(4))])
     bundle = BundleParameters(edge_strength=0.0)
     for y in (0.0, 0.01):
         got, _ = read(Sounder(scene, TUBE, FINE, bundle=bundle), at(0.45, y))
@@ -285,7 +287,7 @@ def test_results_converge_with_finer_patches_of_edges_surfaces_and_roughness() -
     corners = np.array([[0, -0.4, -0.4], [0, 0.4, -0.4], [0, 0.4, 0.4], [0, -0.4, 0.4]])
     fine = trimesh.Trimesh(corners, [[0, 2, 1], [0, 3, 2]]).subdivide().subdivide().subdivide().subdivide().subdivide()
     turned = pose(rotation_about([0, 0, 1], np.radians(4.0)), [0, 0, 0])
-    many = Scene([Body(np.asarray(fine.vertices), np.asarray(fine.faces), MATTE, turned)])
+    many = Scene([SceneBody(np.asarray(fine.vertices), np.asarray(fine.faces), MATTE, turned)])
     for y in (-0.05, 0.0, 0.03):
         assert read(Sounder(many, TUBE, FINE), at(0.43, y))[0] == pytest.approx(
             read(Sounder(plane(4.0), TUBE, FINE), at(0.43, y))[0], abs=2e-5

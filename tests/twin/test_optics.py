@@ -11,7 +11,7 @@ from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.twin.materials import MATERIALS, Material
 from surfuse.twin.optics import OpticsParameters, pixel_rays, render
-from surfuse.twin.scene import Body, Scene
+from surfuse.twin.scene import Scene, SceneBody
 
 SMALL = replace(REFERENCE_MODEL, width_px=120, height_px=140, fx_px=125.0, fy_px=183.0, cx_px=59.5, cy_px=69.5)
 AHEAD = pose(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), [0.0, 0.0, 1.0])
@@ -24,7 +24,7 @@ def plate(distance=1.0, half=0.1, yaw=0.0, material=Material.PART, height=1.0):
     vertices = np.column_stack([np.zeros(4), y, z])
     turn = np.array([[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]])
     triangles = np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int64)
-    return Body(vertices, triangles, material, pose(turn, [distance, 0.0, height]))
+    return SceneBody(vertices, triangles, material, pose(turn, [distance, 0.0, height]))
 
 
 def picture(bodies, parameters=PURE, camera=SMALL, seed=0, where=AHEAD):

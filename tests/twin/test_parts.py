@@ -9,7 +9,7 @@ import trimesh
 from surfuse.errors import ConfigError, DataError, UsageError
 from surfuse.geometry import mesh_files
 from surfuse.twin.parts import SCENES, PartPose, make_part
-from surfuse.twin.scene import CellParameters
+from surfuse.twin.scene import TableParameters
 
 
 def bounds(name: str | Path, **pose: float) -> np.ndarray:
@@ -98,7 +98,7 @@ def test_parts_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     for radius in (0.90, 1.246, 3.0):
         with pytest.raises(ConfigError, match="off the table"):
             make_part("flat", PartPose(radius_m=radius))
-    make_part("flat", PartPose(radius_m=3.0), CellParameters(inner_radius_m=2.0, outer_radius_m=3.5))
+    make_part("flat", PartPose(radius_m=3.0), TableParameters(inner_radius_m=2.0, outer_radius_m=3.5))
 
 
 @pytest.mark.parametrize("wrong", [{"scale": 0.0}, {"scale": float("nan")}, {"radius_m": float("inf")}, {"up": "w"}])

@@ -5,7 +5,7 @@ from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.twin.materials import MATERIALS, Material, Surface, table_of
 from surfuse.twin.parts import make_part
-from surfuse.twin.scene import Body, CellParameters, Scene, build_cell
+from surfuse.twin.scene import Scene, SceneBody, TableParameters, table_bodies
 
 
 def plain_cast(scene: Scene, origin: np.ndarray, direction: np.ndarray) -> float:
@@ -27,7 +27,7 @@ def plain_cast(scene: Scene, origin: np.ndarray, direction: np.ndarray) -> float
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    return Scene([*build_cell(CellParameters(segments=16)), make_part("relief").body])
+    return Scene([*table_bodies(TableParameters(segments=16)), make_part("relief").body])
 
 
 def test_cast_agrees_with_a_plain_ray_triangle_test(scene: Scene) -> None:
@@ -46,7 +46,7 @@ def test_distances_are_exact_far_from_the_world_origin() -> None:
     corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
     turn = rotation_about([0.3, 1.0, -0.2], 0.7)
     there = np.array([812.0, -377.0, 95.0])
-    scene = Scene([Body(corners, np.array([[0, 1, 2]]), Material.PART, pose(turn, there))])
+    scene = Scene([SceneBody(corners, np.array([[0, 1, 2]]), Material.PART, pose(turn, there))])
     distance, triangle = scene.cast(there + turn @ np.array([0.0, 0.0, 0.4321]), turn @ np.array([0.0, 0.0, -1.0]))
     assert triangle.tolist() == [0]
     assert distance[0] == pytest.approx(0.4321, abs=1e-9)
@@ -80,11 +80,11 @@ def test_bad_bodies_are_refused() -> None:
     with pytest.raises(DataError, match="no bodies"):
         Scene([])
     with pytest.raises(DataError, match="no triangle with an area"):
-        Scene([Body(corners, np.array([[0, 0, 1]]), Material.PART, np.eye(4))])
+        Scene([SceneBody(corners, np.array([[0, 0, 1]]), Material.PART, np.eye(4))])
     with pytest.raises(DataError, match="vertex 7 of 3"):
-        Scene([Body(corners, np.array([[0, 1, 7]]), Material.PART, np.eye(4))])
+        Scene([SceneBody(corners, np.array([[0, 1, 7]]), Material.PART, np.eye(4))])
     with pytest.raises(DataError, match="not finite"):
-        Scene([Body(np.full((3, 3), np.inf), np.array([[0, 1, 2]]), Material.PART, np.eye(4))])
+        Scene([SceneBody(np.full((3, 3), np.inf), np.array([[0, 1, 2]]), Material.PART, np.eye(4))])
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_bad_bodies_are_refused() -> None:
 )
 def test_impossible_cells_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ConfigError, match="give"):
-        CellParameters(**wrong)
+        TableParameters(**wrong)
 
 
 def test_every_material_has_properties() -> None:

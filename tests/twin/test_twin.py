@@ -12,7 +12,7 @@ from surfuse.settings import load
 from surfuse.twin.acoustics.kit import BARE, TUBE, KitParameters
 from surfuse.twin.materials import Material, with_roughness
 from surfuse.twin.parts import make_part
-from surfuse.twin.scene import Scene, build_cell
+from surfuse.twin.scene import Scene, table_bodies
 from surfuse.twin.world import Twin, TwinParameters, transducer_of
 
 TUBE_SPEC = SensorSpec("us0", "ultrasonic", 0.33, 4.0, 0.2, 3e-4, frequency_hz=63e3, aperture_m=0.04, dead_length_m=0.2)
@@ -23,7 +23,7 @@ THERE = pose(LOOK, [0.67, 0.01, 1.14])
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    return Scene([*build_cell(), make_part("relief").body])
+    return Scene([*table_bodies(), make_part("relief").body])
 
 
 def test_the_twin_is_a_world(scene: Scene) -> None:

@@ -10,7 +10,7 @@ from surfuse.errors import DataError
 from surfuse.geometry.chains import Chain
 from surfuse.geometry.poses import inverse as inverted
 from surfuse.geometry.poses import is_rigid, pose
-from surfuse.motion.choice import nearest
+from surfuse.motion.choice import nearest_configuration
 from surfuse.motion.limits import JointLimits
 from surfuse.records import BoolArray, FloatArray, IntArray
 
@@ -118,11 +118,11 @@ class Puma560:
             raise DataError(f"poses have shape {poses.shape}, wanted (N, 4, 4)")
         return all_solutions(poses, self._base_from_world, self._tool_from_wrist, self._sizes)
 
-    def nearest(
+    def nearest_configuration(
         self, solutions_rad: FloatArray, valid: BoolArray, current_rad: FloatArray
     ) -> tuple[FloatArray, IntArray]:
         """The valid solution nearest to the current joints: (N, 6) and its index (N,); nan and -1 where none is."""
-        return nearest(solutions_rad, valid, current_rad, self.lower_rad, self.upper_rad, JOINT_WEIGHTS)
+        return nearest_configuration(solutions_rad, valid, current_rad, self.lower_rad, self.upper_rad, JOINT_WEIGHTS)
 
     def singularity_distance(self, joints_rad: npt.ArrayLike) -> FloatArray:
         """How far joints (..., 6) are from each singularity: (..., 3) in [0, 1], 0 on it, order `SINGULARITIES`.

@@ -19,7 +19,7 @@ from surfuse.records import FloatArray, JointSamples, JointState
 from surfuse.servo_cards.calibration import Calibration, calibrate
 from surfuse.servo_cards.registers import CardBus
 from surfuse.servo_cards.scales import STANDARD_SCALES, CardScales
-from surfuse.servo_cards.servo import Arrival, JointServo, TickLoop
+from surfuse.servo_cards.servo import JointServo, SettleGoal, TickLoop
 from surfuse.servo_cards.supervision import STANDARD_SUPERVISION, Supervision
 
 _TICKS_PER_SAMPLE = 4  # of a motion that is run tick by tick
@@ -243,7 +243,7 @@ class TridentArm:
         """
         period, wanted = self._law.period_s, self._parameters
         most = int(wanted.settle_timeout_s / period)
-        if self._servo.hold_until(self._target_rad, Arrival(wanted.settle_rad, wanted.settle_ticks, most)):
+        if self._servo.hold_until(self._target_rad, SettleGoal(wanted.settle_rad, wanted.settle_ticks, most)):
             self._servo.hold(self._target_rad, round((wanted.rest_s if rest_s is None else rest_s) / period))
             return
         off = np.abs(self._target_rad - self._servo.position_rad)

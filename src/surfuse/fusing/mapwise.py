@@ -13,7 +13,7 @@ import numpy as np
 
 from surfuse.confidence.gate import GateParameters
 from surfuse.errors import DataError
-from surfuse.fusing.places import counted, on_part, reach_of
+from surfuse.fusing.places import counted, nodes_on_part, reach_of
 from surfuse.fusing.survey import Survey, survey
 from surfuse.fusion import median
 from surfuse.interfaces import FusionMethod
@@ -90,7 +90,7 @@ class MapwiseFusion:
             estimate = Estimate(nothing, nothing, np.zeros(0, dtype=np.bool_))
         else:
             estimate = self.estimator(heard, grid)
-        return FusionResult(points, surface_of(self.name, heard, grid, estimate))
+        return FusionResult(points, map_of_estimate(self.name, heard, grid, estimate))
 
     def _own(self, state: object) -> MapwiseState:
         if not isinstance(state, MapwiseState):
@@ -106,7 +106,7 @@ def mapwise(name: str, gates: GateParameters, estimator: Estimator) -> FusionMet
     return MapwiseFusion(name, local, estimator)
 
 
-def surface_of(name: str, heard: Survey, grid: MapGrid, estimate: Estimate) -> SurfaceMap:
+def map_of_estimate(name: str, heard: Survey, grid: MapGrid, estimate: Estimate) -> SurfaceMap:
     """The map of an estimate: nodes off the part are masked.
 
     Count is the number of readings that the estimate rests on within reach of a node; confidence is their share of all
@@ -114,7 +114,7 @@ def surface_of(name: str, heard: Survey, grid: MapGrid, estimate: Estimate) -> S
     """
     with np.errstate(invalid="ignore"):
         mask = np.isfinite(estimate.height_m) & (estimate.sigma_m > 0.0) & np.isfinite(estimate.sigma_m)
-    mask &= on_part(grid, heard.outline, estimate.height_m)
+    mask &= nodes_on_part(grid, heard.outline, estimate.height_m)
     reach = reach_of(heard, grid)
     count = counted(heard.foot_m[estimate.used, :2], grid, reach)
     taken = np.maximum(counted(heard.seen_m, grid, reach), 1)

@@ -53,7 +53,7 @@ def counted(points_m: FloatArray, grid: MapGrid, reach_m: float) -> IntArray:
     return np.asarray(found, dtype=np.int64).reshape(grid.shape)
 
 
-def on_part(grid: MapGrid, outline: Outline | None, height_m: FloatArray) -> BoolArray:
+def nodes_on_part(grid: MapGrid, outline: Outline | None, height_m: FloatArray) -> BoolArray:
     """Nodes (R, C) on the part at their height; all of them without an outline."""
     points = np.column_stack([nodes_of(grid), np.nan_to_num(height_m).ravel()])
     if outline is None:

@@ -53,7 +53,7 @@ def _nearest(
     return chosen, index
 
 
-def nearest(
+def nearest_configuration(
     solutions_rad: FloatArray,
     valid: BoolArray,
     current_rad: FloatArray,

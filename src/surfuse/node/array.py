@@ -13,11 +13,11 @@ from surfuse.errors import ConfigError
 from surfuse.interfaces import Clock
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.client import NodeClient
-from surfuse.node.counters import BusCounters, Event, Tally
+from surfuse.node.counters import BusCounters, BusEvent, Tally
 from surfuse.node.firmware import MonotonicClock
 from surfuse.node.link import BusLink, BusParameters, Link, open_bus
-from surfuse.node.messages import ALL_SENSORS, MAX_SENSORS, Heartbeat, KitSettings
-from surfuse.node.timeouts import Patience
+from surfuse.node.messages import ALL_SENSORS, MAX_SENSORS, Heartbeat, KitMessage
+from surfuse.node.timeouts import NodeTimeouts
 from surfuse.records import Echo, Fixture
 
 
@@ -37,7 +37,7 @@ class Parameters:
     bus: BusParameters = field(default_factory=BusParameters)
     node: int = 1
     sensors: tuple[int, ...] = ()
-    patience: Patience = field(default_factory=Patience)
+    timeouts: NodeTimeouts = field(default_factory=NodeTimeouts)
     wave_speed_max_m_s: float = 400.0
     catalogue: Path | None = None
     together: bool = False
@@ -82,7 +82,7 @@ class CanArray:
         self._client = NodeClient(
             parameters.node,
             dict(zip(numbers, fixture.specs, strict=True)),
-            parameters.patience,
+            parameters.timeouts,
             link,
             Catalogue(parameters.catalogue),
             clock,
@@ -131,20 +131,20 @@ class CanArray:
         DeviceError : for several sweeps in a row the node has not given one trustworthy answer.
         """
         exchange = self._client.ask()
-        for _ in range(1, self._parameters.patience.rounds):
+        for _ in range(1, self._parameters.timeouts.rounds):
             if not exchange.untrusted - exchange.refused or (exchange.news == 0 and not exchange.void):
                 break
-            self._tally.add(Event.FIRED_AGAIN)
+            self._tally.add(BusEvent.FIRED_AGAIN)
             exchange = self._client.ask()
         untrusted = exchange.untrusted
-        self._tally.add(Event.READINGS, len(self._numbers))
-        self._tally.add(Event.FAILED, len(untrusted))
+        self._tally.add(BusEvent.READINGS, len(self._numbers))
+        self._tally.add(BusEvent.FAILED, len(untrusted))
         self._lost_sweeps = self._lost_sweeps + 1 if len(untrusted) == len(self._numbers) else 0
-        if self._lost_sweeps >= self._parameters.patience.lost_sweeps_limit:
+        if self._lost_sweeps >= self._parameters.timeouts.lost_sweeps_limit:
             raise self._client.lost()
         return tuple(exchange.echo(number) for number in self._numbers)
 
-    def configure(self, settings: KitSettings, sensor: int | None = None) -> None:
+    def configure(self, settings: KitMessage, sensor: int | None = None) -> None:
         """Set the kit parameters of one sensor of the fixture (None: of all); they are sent again after a restart.
 
         Raises

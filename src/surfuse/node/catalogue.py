@@ -16,10 +16,10 @@ from surfuse.errors import DataError
 from surfuse.node.layout import FRAME_BYTES, Layouts, load_layouts
 from surfuse.node.messages import (
     Acknowledge,
+    CanFrame,
     EchoDetail,
     FaultCode,
     FaultReport,
-    Frame,
     Function,
     Heartbeat,
     KitPulse,
@@ -87,7 +87,7 @@ class Catalogue:
         }
         self._unpack = {int(function): layout.unpack for function, layout in self._layouts.items()}
 
-    def decode(self, frame: Frame) -> Message | Rejection:
+    def decode(self, frame: CanFrame) -> Message | Rejection:
         """The message in a frame, or why there is none."""
         function = frame.identifier >> 7
         if function not in _FUNCTIONS or frame.identifier >> 11:
@@ -97,7 +97,7 @@ class Catalogue:
         raw = self._unpack[function](frame.data)
         return self._decoders[function](frame.identifier >> 4 & 7, frame.identifier & 15, raw)
 
-    def encode(self, message: Message) -> Frame:
+    def encode(self, message: Message) -> CanFrame:
         """The frame of a message.
 
         Raises
@@ -118,10 +118,10 @@ class Catalogue:
             return self._frame(Function.HEARTBEAT, message.node, 0, *message)
         return self._frame(_PLAIN[type(message)], message.node, 0, *message[1:])
 
-    def _frame(self, function: Function, node: int, sensor: int, *raw: int) -> Frame:
-        return Frame(identifier(function, node, sensor), self._layouts[function].pack(*raw))
+    def _frame(self, function: Function, node: int, sensor: int, *raw: int) -> CanFrame:
+        return CanFrame(identifier(function, node, sensor), self._layouts[function].pack(*raw))
 
-    def _encode_reading(self, reading: Reading) -> Frame:
+    def _encode_reading(self, reading: Reading) -> CanFrame:
         range_raw = self._range_none
         if reading.status is Status.OK:
             if not 0.0 < reading.range_m < math.inf or reading.pings == 0:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from surfuse.errors import DeviceError
 from surfuse.interfaces import Clock
 from surfuse.node.catalogue import Catalogue, Rejection
-from surfuse.node.counters import Event, Tally
+from surfuse.node.counters import BusEvent, Tally
 from surfuse.node.exchange import Exchange
 from surfuse.node.failures import no_adapter, no_answer, no_heartbeat, two_nodes
 from surfuse.node.link import Arrival, Link
@@ -20,24 +20,24 @@ from surfuse.node.messages import (
     EchoDetail,
     FaultReport,
     Heartbeat,
+    KitMessage,
     KitPulse,
     KitSampling,
-    KitSettings,
     Query,
     Reading,
     Result,
     Subject,
     Trigger,
 )
-from surfuse.node.timeouts import Patience
-from surfuse.node.watch import NodeWatch, Verdict
+from surfuse.node.timeouts import NodeTimeouts
+from surfuse.node.watch import LineVerdict, NodeWatch
 from surfuse.records import SensorSpec
 
 _REJECTED = {
-    Rejection.FOREIGN: Event.FOREIGN,
-    Rejection.WRONG_LENGTH: Event.WRONG_LENGTH,
-    Rejection.UNKNOWN_WORD: Event.UNKNOWN_WORD,
-    Rejection.SENTINEL: Event.CONTRADICTORY,
+    Rejection.FOREIGN: BusEvent.FOREIGN,
+    Rejection.WRONG_LENGTH: BusEvent.WRONG_LENGTH,
+    Rejection.UNKNOWN_WORD: BusEvent.UNKNOWN_WORD,
+    Rejection.SENTINEL: BusEvent.CONTRADICTORY,
 }
 _QUERY_PAUSE_S = 0.2
 _REMEMBERED_SWEEPS = 8
@@ -59,7 +59,7 @@ class NodeClient:
         self,
         node: int,
         specs: dict[int, SensorSpec],
-        patience: Patience,
+        timeouts: NodeTimeouts,
         link: Link,
         catalogue: Catalogue,
         clock: Clock,
@@ -69,7 +69,7 @@ class NodeClient:
         together: bool = False,
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._node, self._specs, self._patience, self._speed_m_s = node, specs, patience, wave_speed_max_m_s
+        self._node, self._specs, self._patience, self._speed_m_s = node, specs, timeouts, wave_speed_max_m_s
         self._together = together
         self._link, self._catalogue, self._clock, self._tally = link, catalogue, clock, tally
         self._monotonic_s = monotonic_s
@@ -78,7 +78,7 @@ class NodeClient:
         self._kit_sequence = 0
         self._current: Exchange | None = None
         self._past: deque[Exchange] = deque()
-        self._settings: dict[int, KitSettings] = {}
+        self._settings: dict[int, KitMessage] = {}
         self._kit_answer: Acknowledge | None = None
         self._unconfigured = False
         self._rivals = False
@@ -123,8 +123,8 @@ class NodeClient:
         DeviceError : two nodes answer under one id, so that no number says whose it is.
         """
         exchange = self._begin()
-        patience = self._patience
-        wait_s, heard_s = patience.answer_timeout_s, self._monotonic_s()
+        timeouts = self._patience
+        wait_s, heard_s = timeouts.answer_timeout_s, self._monotonic_s()
         while exchange.attempts < MAX_ATTEMPTS:
             if self._unconfigured:
                 self._configure_again()
@@ -147,7 +147,7 @@ class NodeClient:
             raise self.lost()
         return exchange
 
-    def configure(self, number: int, settings: KitSettings) -> None:
+    def configure(self, number: int, settings: KitMessage) -> None:
         """Set the kit parameters of one sensor (15: of all); they are sent again after a restart of the node.
 
         Raises
@@ -220,11 +220,11 @@ class NodeClient:
         if isinstance(message, Rejection):
             self._tally.add(_REJECTED[message])
         elif message.node != self._node:
-            self._tally.add(Event.FOREIGN)
+            self._tally.add(BusEvent.FOREIGN)
         elif isinstance(message, Heartbeat):
             self._judge(self.watch.hear(message))
         elif isinstance(message, FaultReport):
-            self._tally.add(Event.NODE_FAULTS)
+            self._tally.add(BusEvent.NODE_FAULTS)
         elif isinstance(message, Acknowledge) and message.subject is Subject.KIT:
             self._kit_answer = message
         elif isinstance(message, Reading | EchoDetail | Acknowledge):
@@ -232,12 +232,12 @@ class NodeClient:
         elif isinstance(message, Trigger | Query) and message.epoch == self._epoch:
             return  # some adapters return what they send
         else:
-            self._tally.add(Event.FOREIGN)
+            self._tally.add(BusEvent.FOREIGN)
 
     def _route(self, message: Reading | EchoDetail | Acknowledge, arrival_s: float) -> None:
         current = self._current
         if current is not None and message.sequence == current.sequence:
-            if self._judge(self.watch.see(message.session)) is Verdict.SAME:
+            if self._judge(self.watch.see(message.session)) is LineVerdict.SAME:
                 current.session = message.session
                 self._accept(current, message, arrival_s)
             return
@@ -248,19 +248,19 @@ class NodeClient:
                 else:
                     self._judge(self.watch.see(message.session))
                 return
-        self._tally.add(Event.UNSOLICITED)
+        self._tally.add(BusEvent.UNSOLICITED)
 
     def _accept(self, exchange: Exchange, message: Reading | EchoDetail | Acknowledge, arrival_s: float) -> None:
         exchange.accept(message, arrival_s)
         if exchange.contradicted:
-            self._judge(Verdict.RIVAL)
+            self._judge(LineVerdict.RIVAL)
 
-    def _judge(self, verdict: Verdict) -> Verdict:
-        if verdict is Verdict.SAME:
+    def _judge(self, verdict: LineVerdict) -> LineVerdict:
+        if verdict is LineVerdict.SAME:
             return verdict
-        self._tally.add(Event.RESTARTS if verdict is Verdict.RESTARTED else Event.CONFLICTS)
-        self._unconfigured = self._unconfigured or verdict is Verdict.RESTARTED
-        self._rivals = self._rivals or verdict is Verdict.RIVAL
+        self._tally.add(BusEvent.RESTARTS if verdict is LineVerdict.RESTARTED else BusEvent.CONFLICTS)
+        self._unconfigured = self._unconfigured or verdict is LineVerdict.RESTARTED
+        self._rivals = self._rivals or verdict is LineVerdict.RIVAL
         if self._current is not None and not self._current.over:
             self._current.void = True
         return verdict
@@ -270,7 +270,7 @@ class NodeClient:
         for number, settings in self._settings.items():
             self._tell(number, settings)
 
-    def _tell(self, number: int, settings: KitSettings) -> None:
+    def _tell(self, number: int, settings: KitMessage) -> None:
         self._kit_sequence = (self._kit_sequence + 1) % 256
         head = self._node, self._kit_sequence, number
         pulse = KitPulse(*head, settings.frequency_hz, settings.cycles, settings.blanking_us, settings.gain_db)

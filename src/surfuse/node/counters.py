@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Event(StrEnum):
+class BusEvent(StrEnum):
     """Things that are counted; the values are the fields of `BusCounters`."""
 
     FRAMES = "frames"
@@ -95,12 +95,12 @@ class Tally:
     """The counting side; each event is counted by one thread only."""
 
     def __init__(self) -> None:
-        self._counts: Counter[Event] = Counter()
+        self._counts: Counter[BusEvent] = Counter()
 
-    def add(self, event: Event, number: int = 1) -> None:
+    def add(self, event: BusEvent, number: int = 1) -> None:
         """Count an event."""
         self._counts[event] += number
 
     def snapshot(self) -> BusCounters:
         """The counts so far."""
-        return BusCounters(*(self._counts[event] for event in Event))
+        return BusCounters(*(self._counts[event] for event in BusEvent))

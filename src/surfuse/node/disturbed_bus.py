@@ -15,7 +15,7 @@ import numpy as np
 from surfuse.errors import ConfigError
 from surfuse.interfaces import Clock
 from surfuse.node.link import Arrival, Link
-from surfuse.node.messages import Frame
+from surfuse.node.messages import CanFrame
 from surfuse.node.responder import Responder
 
 
@@ -44,7 +44,7 @@ class DirectLink:
         """Time that has passed by waiting; give it to the host as its measure."""
         return self._waited_s
 
-    def send(self, frame: Frame) -> bool:
+    def send(self, frame: CanFrame) -> bool:
         """Have the node answer a frame."""
         for answer in self._responder.answer(frame):
             self._arrivals.append(Arrival(answer, self._clock.now_s()))
@@ -104,7 +104,7 @@ class BadLink:
         self._inner, self._bad, self._generator = inner, bad, generator
         self._ready: deque[Arrival] = deque()
         self._held: list[tuple[int, Arrival]] = []
-        self._held_out: Frame | None = None
+        self._held_out: CanFrame | None = None
         self.injected = Injected()
 
     def __enter__(self) -> Self:
@@ -116,7 +116,7 @@ class BadLink:
     ) -> None:
         self._inner.__exit__(kind, error, trace)
 
-    def send(self, frame: Frame) -> bool:
+    def send(self, frame: CanFrame) -> bool:
         """Send, lose, double, or keep back until the next one."""
         lost, doubled, held = self._generator.random(3)
         earlier, self._held_out = self._held_out, None

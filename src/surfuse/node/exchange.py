@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from surfuse.node.counters import Event, Tally
+from surfuse.node.counters import BusEvent, Tally
 from surfuse.node.messages import Acknowledge, EchoDetail, Reading, Result, Trigger
 from surfuse.records import Echo, SensorSpec, Status
 
@@ -96,19 +96,19 @@ class Exchange:
         """The next trigger: it asks for what is missing."""
         attempt = _Attempt(now_s, self.missing)
         self._attempts.append(attempt)
-        self._tally.add(Event.TRIGGERS if len(self._attempts) == 1 else Event.RETRIGGERS)
+        self._tally.add(BusEvent.TRIGGERS if len(self._attempts) == 1 else BusEvent.RETRIGGERS)
         number = len(self._attempts) - 1
         return Trigger(self._node, self.sequence, number, attempt.sensors, self._epoch, int(self._together))
 
     def accept(self, message: Reading | EchoDetail | Acknowledge, arrival_s: float) -> None:
         """Take in one message of this sequence; its session is already known to be the right one."""
         if message.attempt >= len(self._attempts):
-            self._tally.add(Event.UNSOLICITED)
+            self._tally.add(BusEvent.UNSOLICITED)
             return
         if isinstance(message, Acknowledge):
             order = self._acknowledge(message)
         elif message.sensor not in self._specs:
-            self._tally.add(Event.UNSOLICITED)
+            self._tally.add(BusEvent.UNSOLICITED)
             return
         elif isinstance(message, Reading):
             order = 1 + 2 * message.sensor
@@ -119,12 +119,12 @@ class Exchange:
             detail = self._details.setdefault(message.sensor, message)
             self._compare(detail._replace(attempt=message.attempt) == message)
         if order in self._attempts[message.attempt].seen:
-            self._tally.add(Event.DUPLICATED)
+            self._tally.add(BusEvent.DUPLICATED)
             return
         self._attempts[message.attempt].seen.add(order)
         self.news += 1
         if self.over and not isinstance(message, Acknowledge):
-            self._tally.add(Event.LATE)
+            self._tally.add(BusEvent.LATE)
         self._watch_order(message.attempt * _ORDER_ATTEMPT + order)
         if not isinstance(message, Acknowledge):
             self._check_time(message.sensor)
@@ -150,9 +150,9 @@ class Exchange:
             return
         for attempt in self._attempts:
             if not attempt.seen:
-                self._tally.add(Event.UNANSWERED)
+                self._tally.add(BusEvent.UNANSWERED)
             elif not attempt.stale:
-                self._tally.add(Event.LOST, len(attempt.expected() - attempt.seen))
+                self._tally.add(BusEvent.LOST, len(attempt.expected() - attempt.seen))
 
     def _acknowledge(self, message: Acknowledge) -> int:
         attempt = self._attempts[message.attempt]
@@ -171,7 +171,7 @@ class Exchange:
 
     def _watch_order(self, order: int) -> None:
         if order < self._highest:
-            self._tally.add(Event.REORDERED)
+            self._tally.add(BusEvent.REORDERED)
         self._highest = max(self._highest, order)
 
     def _check_time(self, sensor: int) -> None:
@@ -187,7 +187,7 @@ class Exchange:
             flight_s = 2.0 * reading.range_m / self._speed_m_s
         least_s = (detail.time_us * 1e-6 + flight_s) * (1.0 - _CLOCK_TOLERANCE) - _CLOCK_TOLERANCE_S
         if arrival_s - self._attempts[detail.accepted].sent_s < least_s:
-            self._tally.add(Event.TOO_FAST)
+            self._tally.add(BusEvent.TOO_FAST)
             self.poisoned.add(sensor)
 
 

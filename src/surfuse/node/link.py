@@ -19,8 +19,8 @@ import can
 
 from surfuse.errors import ConfigError, DeviceError
 from surfuse.interfaces import Clock
-from surfuse.node.counters import Event, Tally
-from surfuse.node.messages import Frame
+from surfuse.node.counters import BusEvent, Tally
+from surfuse.node.messages import CanFrame
 
 _POLL_S = 0.05
 _SEND_TIMEOUT_S = 0.5
@@ -79,7 +79,7 @@ def open_bus(parameters: BusParameters) -> can.BusABC:
 class Arrival(NamedTuple):
     """A frame and when it came: host clock, s."""
 
-    frame: Frame
+    frame: CanFrame
     t_s: float
 
 
@@ -90,7 +90,7 @@ class Link(Protocol):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None: ...
-    def send(self, frame: Frame) -> bool:
+    def send(self, frame: CanFrame) -> bool:
         """Put a frame on the bus; False when the adapter refuses."""
 
     def receive(self, timeout_s: float) -> Arrival | None:
@@ -132,16 +132,16 @@ class BusLink:
             self._thread.join(timeout=1.0)
         self._close()
 
-    def send(self, frame: Frame) -> bool:
+    def send(self, frame: CanFrame) -> bool:
         """Put a frame on the bus; False when the adapter refuses, which also makes the reader open it anew."""
         bus = self._bus
         if bus is None:
-            self._tally.add(Event.SEND_ERRORS)
+            self._tally.add(BusEvent.SEND_ERRORS)
             return False
         try:
             bus.send(_message(frame), timeout=_SEND_TIMEOUT_S)
         except Exception:  # vendor backends raise whatever their libraries raise
-            self._tally.add(Event.SEND_ERRORS)
+            self._tally.add(BusEvent.SEND_ERRORS)
             self._broken.set()
             return False
         return True
@@ -166,35 +166,35 @@ class BusLink:
             except (IndexError, ValueError) as error:
                 # A damaged line of a serial adapter: the next one may be whole. But python-can's slcan keeps bytes
                 # that are no ASCII in its buffer, where they spoil every line that follows.
-                self._tally.add(Event.RECEIVE_ERRORS)
+                self._tally.add(BusEvent.RECEIVE_ERRORS)
                 garbage += 1
                 if garbage > _GARBAGE_LIMIT or isinstance(error, UnicodeDecodeError):
                     self._broken.set()
             except Exception:  # vendor backends raise whatever their libraries raise
-                self._tally.add(Event.RECEIVE_ERRORS)
+                self._tally.add(BusEvent.RECEIVE_ERRORS)
                 self._broken.set()
             else:
                 if message is not None:
                     garbage = 0
                     self._take(message)
                 elif _is_bus_off(bus):
-                    self._tally.add(Event.BUS_OFF)
+                    self._tally.add(BusEvent.BUS_OFF)
                     self._broken.set()
 
     def _take(self, message: can.Message) -> None:
-        self._tally.add(Event.FRAMES)
+        self._tally.add(BusEvent.FRAMES)
         if message.is_error_frame:
-            self._tally.add(Event.ERROR_FRAMES)
+            self._tally.add(BusEvent.ERROR_FRAMES)
             if message.arbitration_id & _CAN_ERR_BUSOFF:
-                self._tally.add(Event.BUS_OFF)
+                self._tally.add(BusEvent.BUS_OFF)
                 self._broken.set()
             return
         if message.is_remote_frame or message.is_extended_id or message.is_fd:
-            self._tally.add(Event.FOREIGN)
+            self._tally.add(BusEvent.FOREIGN)
             return
         # A length that the data does not have is a wrong length whatever the data is.
         data = bytes(message.data) if message.dlc == len(message.data) else b""
-        arrival = Arrival(Frame(message.arbitration_id, data), self._clock.now_s())
+        arrival = Arrival(CanFrame(message.arbitration_id, data), self._clock.now_s())
         while True:
             try:
                 self._arrivals.put_nowait(arrival)
@@ -202,7 +202,7 @@ class BusLink:
             except queue.Full:
                 with contextlib.suppress(queue.Empty):
                     self._arrivals.get_nowait()
-                self._tally.add(Event.OVERFLOWED)
+                self._tally.add(BusEvent.OVERFLOWED)
 
     def _reopen(self) -> None:
         self._close()
@@ -213,7 +213,7 @@ class BusLink:
             except DeviceError:
                 pause_s = min(2.0 * pause_s, _BACKOFF_LAST_S)
                 continue
-            self._tally.add(Event.REOPENED)
+            self._tally.add(BusEvent.REOPENED)
             self._broken.clear()
             return
 
@@ -231,5 +231,5 @@ def _is_bus_off(bus: can.BusABC) -> bool:
         return False
 
 
-def _message(frame: Frame) -> can.Message:
+def _message(frame: CanFrame) -> can.Message:
     return can.Message(arbitration_id=frame.identifier, data=frame.data, is_extended_id=False, check=True)

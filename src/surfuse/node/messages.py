@@ -76,7 +76,7 @@ class TriggerSource(IntEnum):
     EXTERNAL = 1
 
 
-class Frame(NamedTuple):
+class CanFrame(NamedTuple):
     """One classic CAN frame with an 11-bit identifier."""
 
     identifier: int
@@ -166,7 +166,7 @@ class FaultReport(NamedTuple):
 
 
 @dataclass(frozen=True)
-class KitSettings:
+class KitMessage:
     """Parameters of the ranging kit of one sensor.
 
     frequency_hz : transmit frequency, even numbers up to 131070.

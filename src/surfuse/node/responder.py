@@ -19,14 +19,14 @@ from surfuse.node.messages import (
     MAX_PINGS,
     MAX_SENSORS,
     Acknowledge,
+    CanFrame,
     EchoDetail,
     FaultCode,
     FaultReport,
-    Frame,
     Heartbeat,
+    KitMessage,
     KitPulse,
     KitSampling,
-    KitSettings,
     NodeState,
     Query,
     Reading,
@@ -41,8 +41,8 @@ _US_PER_S = 1e6
 _WRONG_NUMBER = Echo(range_m=math.nan, status=Status.FAULT, t_s=math.nan, count=0)
 
 Average = Callable[[Sequence[Echo]], Echo]
-Volley = Callable[[Sequence[int]], Sequence[Echo | None]]
-Configure = Callable[[int, KitSettings], None]
+SimultaneousFire = Callable[[Sequence[int]], Sequence[Echo | None]]
+Configure = Callable[[int, KitMessage], None]
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Responder:
         average: Average | None = None,
         configure: Configure | None = None,
         air: threading.Lock | None = None,
-        volley: Volley | None = None,
+        fire_together: SimultaneousFire | None = None,
     ) -> None:
         if not 1 <= len(sensors) <= MAX_SENSORS:
             raise ConfigError(f"a node with {len(sensors)} sensors", cure=f"give 1 to {MAX_SENSORS}")
@@ -109,7 +109,7 @@ class Responder:
         self._average = average
         self._configure = configure
         self._air = air or threading.Lock()
-        self._volley = volley
+        self._volley = fire_together
         self._epoch: int | None = None
         self._sequence = 0
         self._accepted = 0
@@ -120,7 +120,7 @@ class Responder:
         self.bad_frames = 0
         self.send_errors = 0
 
-    def answer(self, frame: Frame) -> Iterator[Frame]:
+    def answer(self, frame: CanFrame) -> Iterator[CanFrame]:
         """The frames that answer one frame, each as soon as it is known; frames for others have no answer."""
         message = self._catalogue.decode(frame)
         if isinstance(message, Rejection):
@@ -138,13 +138,13 @@ class Responder:
         elif isinstance(message, KitSampling):
             yield from self._kit(message)
 
-    def heartbeat(self) -> Frame:
+    def heartbeat(self) -> CanFrame:
         """The sign of life."""
         who = self._identity
         errors = min(self.send_errors, 255), min(self.bad_frames, 255)
         return self._catalogue.encode(Heartbeat(who.node, self.state, who.session, *errors, *VERSION, who.uid))
 
-    def _trigger(self, trigger: Trigger) -> Iterator[Frame]:
+    def _trigger(self, trigger: Trigger) -> Iterator[CanFrame]:
         fresh = trigger.epoch != self._epoch
         ahead = (trigger.sequence - self._sequence) % 256
         if not fresh and ahead >= 128:
@@ -170,13 +170,13 @@ class Responder:
         self.state = NodeState.READY
         yield self._acknowledge(Subject.TRIGGER, trigger.sequence, Result.DONE, trigger.attempt, sensors)
 
-    def _send(self, sensor: int, attempt: int) -> Iterator[Frame]:
+    def _send(self, sensor: int, attempt: int) -> Iterator[CanFrame]:
         if sensor not in self._answers:
             self.state = NodeState.FIRING
             yield from self._keep(sensor, self._fire(sensor))
         yield from self._encoded(sensor, attempt)
 
-    def _keep(self, sensor: int, echo: Echo | None) -> Iterator[Frame]:
+    def _keep(self, sensor: int, echo: Echo | None) -> Iterator[CanFrame]:
         """Keep an answer (None: the sensor failed) to be sent as often as asked; say so when it is no good."""
         code = None if echo is not None else FaultCode.SENSOR_FAILED
         try:
@@ -188,7 +188,7 @@ class Responder:
         if code is not None:
             yield self._fault(self._sequence, code, sensor, 0)
 
-    def _encoded(self, sensor: int, attempt: int) -> tuple[Frame, Frame]:
+    def _encoded(self, sensor: int, attempt: int) -> tuple[CanFrame, CanFrame]:
         reading, detail = self._answers[sensor]
         encode = self._catalogue.encode
         return encode(reading._replace(attempt=attempt)), encode(detail._replace(attempt=attempt))
@@ -202,7 +202,7 @@ class Responder:
                 return None
         return self._averaged(echoes)
 
-    def _fire_together(self, sensors: list[int]) -> Iterator[Frame]:
+    def _fire_together(self, sensors: list[int]) -> Iterator[CanFrame]:
         """One averaged answer of each, all in the air at the same moments."""
         if not sensors or self._volley is None:
             return
@@ -210,7 +210,7 @@ class Responder:
         with self._air:
             volleys = [self._volley(sensors) for _ in range(max(self._pings[sensor] for sensor in sensors))]
         for place, sensor in enumerate(sensors):
-            echoes = [volley[place] for volley in volleys[: self._pings[sensor]]]
+            echoes = [fire_together[place] for fire_together in volleys[: self._pings[sensor]]]
             yield from self._keep(sensor, self._averaged(echoes))
 
     def _averaged(self, echoes: Sequence[Echo | None]) -> Echo | None:
@@ -240,7 +240,7 @@ class Responder:
         )
         return reading, detail
 
-    def _kit(self, sampling: KitSampling) -> Iterator[Frame]:
+    def _kit(self, sampling: KitSampling) -> Iterator[CanFrame]:
         half = self._half
         if half is None or (half.sequence, half.sensor) != (sampling.sequence, sampling.sensor):
             return
@@ -248,7 +248,7 @@ class Responder:
         sensors = range(len(self._sensors)) if every else range(sampling.sensor, sampling.sensor + 1)
         mask = sum(1 << sensor for sensor in sensors)
         try:
-            settings = KitSettings(*half[3:], sampling.sample_rate_hz, sampling.trigger_source, sampling.pings)
+            settings = KitMessage(*half[3:], sampling.sample_rate_hz, sampling.trigger_source, sampling.pings)
             if sensors[-1] >= len(self._sensors) or (self._configure is None and self._average is None):
                 raise ConfigError("no such sensor, or nothing to set")
             for sensor in sensors:
@@ -262,10 +262,10 @@ class Responder:
             return
         yield self._acknowledge(Subject.KIT, sampling.sequence, Result.ACCEPTED, 0, mask)
 
-    def _acknowledge(self, subject: Subject, sequence: int, result: Result, attempt: int, sensors: int) -> Frame:
+    def _acknowledge(self, subject: Subject, sequence: int, result: Result, attempt: int, sensors: int) -> CanFrame:
         who = self._identity
         return self._catalogue.encode(Acknowledge(who.node, sequence, who.session, subject, result, attempt, sensors))
 
-    def _fault(self, sequence: int, code: FaultCode, sensor: int, detail: int) -> Frame:
+    def _fault(self, sequence: int, code: FaultCode, sensor: int, detail: int) -> CanFrame:
         who = self._identity
         return self._catalogue.encode(FaultReport(who.node, sequence, who.session, code, sensor, detail))

@@ -11,7 +11,7 @@ from surfuse.records import Echo
 
 
 class ThreadedVolley:
-    """A `Volley` of any drivers; they start within the jitter of the scheduler.
+    """A `SimultaneousFire` of any drivers; they start within the jitter of the scheduler.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from surfuse.errors import ConfigError
 
 
 @dataclass(frozen=True)
-class Patience:
+class NodeTimeouts:
     """How long the host waits and how often it asks.
 
     answer_timeout_s : wait for the next frame of an answer before asking again; doubles until the node says that it

@@ -10,7 +10,7 @@ from surfuse.node.messages import Heartbeat
 _REMEMBERED = 16
 
 
-class Verdict(Enum):
+class LineVerdict(Enum):
     """What a session number says."""
 
     SAME = "the node that we know"
@@ -27,20 +27,20 @@ class NodeWatch:
         self.last_heartbeat: Heartbeat | None = None
         self._superseded: deque[int] = deque(maxlen=_REMEMBERED)
 
-    def see(self, session: int) -> Verdict:
+    def see(self, session: int) -> LineVerdict:
         """Judge the session of a message: one that was replaced and is back again belongs to another node."""
         if self.session is None or session == self.session:
             self.session = session
-            return Verdict.SAME
+            return LineVerdict.SAME
         if session in self._superseded:
-            return Verdict.RIVAL
+            return LineVerdict.RIVAL
         self._superseded.append(self.session)
         self.session = session
-        return Verdict.RESTARTED
+        return LineVerdict.RESTARTED
 
-    def hear(self, heartbeat: Heartbeat) -> Verdict:
+    def hear(self, heartbeat: Heartbeat) -> LineVerdict:
         """Judge a heartbeat: another board under the same id is a rival whatever its session says."""
         self.last_heartbeat = heartbeat
         self.boards.add(heartbeat.uid)
         verdict = self.see(heartbeat.session)
-        return Verdict.RIVAL if len(self.boards) > 1 else verdict
+        return LineVerdict.RIVAL if len(self.boards) > 1 else verdict

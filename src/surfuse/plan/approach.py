@@ -9,7 +9,7 @@ import numpy as np
 from surfuse.errors import SafetyStopError
 from surfuse.geometry.poses import pose
 from surfuse.interfaces import Kinematics
-from surfuse.motion.choice import nearest
+from surfuse.motion.choice import nearest_configuration
 from surfuse.motion.clearance import ClearanceModel, check_move
 from surfuse.records import FloatArray
 
@@ -60,7 +60,7 @@ def _retreats(goal_rad: FloatArray, kinematics: Kinematics) -> list[FloatArray]:
     world_from_grip = kinematics.forward(goal_rad)
     targets = np.array([world_from_grip @ pose(np.eye(3), [0.0, 0.0, -back]) for back in _RETREATS_M])
     solutions, valid = kinematics.inverse(targets)
-    joints, index = nearest(solutions, valid, goal_rad, kinematics.lower_rad, kinematics.upper_rad)
+    joints, index = nearest_configuration(solutions, valid, goal_rad, kinematics.lower_rad, kinematics.upper_rad)
     # Another configuration would swing through the part on the last centimetres.
     near = (index >= 0) & (np.max(np.abs(joints - goal_rad), axis=1) < np.radians(60.0))
     return [row for row, is_near in zip(joints, near, strict=True) if is_near]

@@ -16,14 +16,14 @@ STOPS_MAX = 1_000_000
 
 
 @dataclass(frozen=True)
-class Raster:
+class StopRaster:
     """Stops in visiting order: `uv_m` (N, 2) in the part frame, `row` (N,) the line, counted from the bottom."""
 
     uv_m: FloatArray
     row: IntArray
 
 
-def raster(outline: Outline, step_m: float = 0.01, same_side: bool = False) -> Raster:
+def raster(outline: Outline, step_m: float = 0.01, same_side: bool = False) -> StopRaster:
     """Stops on the lattice u = i step, v = j step inside an outline (already enlarged), from the bottom line up.
 
     Each line starts at one extreme of the boundary: by default at alternating ones, which is the shortest way;
@@ -52,8 +52,8 @@ def raster(outline: Outline, step_m: float = 0.01, same_side: bool = False) -> R
         lines.append(line[::-1] if backwards else line)
         rows.append(np.full(len(line), len(rows), dtype=np.int64))
     if not lines:
-        return Raster(np.zeros((0, 2)), np.zeros(0, dtype=np.int64))
-    return Raster(np.vstack(lines), np.concatenate(rows))
+        return StopRaster(np.zeros((0, 2)), np.zeros(0, dtype=np.int64))
+    return StopRaster(np.vstack(lines), np.concatenate(rows))
 
 
 def _lattice(low: float, high: float, step_m: float) -> IntArray:

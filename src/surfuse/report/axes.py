@@ -23,7 +23,7 @@ def round_ticks(low: float, high: float, about: int = 5) -> list[float]:
 
 
 @dataclass(frozen=True)
-class Frame:
+class AxesFrame:
     """A plotting area of a drawing: data limits, and its place in SVG units (y downwards)."""
 
     x_low: float
@@ -57,7 +57,7 @@ def _number(value: float) -> str:
     return f"{value:g}".replace("-", "−")
 
 
-def frame_axes(frame: Frame, x_title: str, y_title: str, y_ticks: bool = True) -> list[Markup]:
+def frame_axes(frame: AxesFrame, x_title: str, y_title: str, y_ticks: bool = True) -> list[Markup]:
     """Grid lines, tick labels and axis titles of a frame."""
     bottom, parts = frame.top + frame.height, []
     for tick in round_ticks(frame.x_low, frame.x_high, max(2, round(frame.width / 70))):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from surfuse.report.content import Event, KeyFigure, ScoreRow
+from surfuse.report.content import KeyFigure, ReportEvent, ScoreRow
 from surfuse.report.markup import Child, Markup, element, join
 
 MM = 1000.0
@@ -88,7 +88,7 @@ def _is_best(title: str, values: list[float], k: int) -> bool:
     return abs(values[k]) == (max(known) if title.startswith("coverage") else min(known))
 
 
-def event_list(events: tuple[Event, ...]) -> Markup:
+def event_list(events: tuple[ReportEvent, ...]) -> Markup:
     """Events in the order given, with their time in the run."""
     items: list[Child] = []
     for event in events:

@@ -65,7 +65,7 @@ class MarkedLevel:
 
 
 @dataclass(frozen=True)
-class FoundPart:
+class FoundPartView:
     """A part as the camera saw it: grey image (H, W), contour and dominant points (N, 2) as x, y in pixels.
 
     `pixel_aspect` is the width of a pixel over its height; `histogram` counts the 256 grey levels (empty: none).
@@ -146,7 +146,7 @@ class ScoreRow:
 
 
 @dataclass(frozen=True)
-class Event:
+class ReportEvent:
     """Something that happened during the run, with its time of the run (nan: unknown)."""
 
     text: str
@@ -183,7 +183,7 @@ class ReportContent:
     version: str = ""
     summary: str = ""
     figures: tuple[KeyFigure, ...] = ()
-    parts: tuple[FoundPart, ...] = ()
+    parts: tuple[FoundPartView, ...] = ()
     plan: PlanView | None = None
     maps: tuple[NamedMap, ...] = ()
     truth: NamedMap | None = None
@@ -192,7 +192,7 @@ class ReportContent:
     arm_m: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 3)))
     scenery: tuple[Scenery, ...] = ()
     scores: tuple[ScoreRow, ...] = ()
-    events: tuple[Event, ...] = ()
+    events: tuple[ReportEvent, ...] = ()
     configuration_toml: str = ""
     safety: str = SAFETY
     rival: NamedMap | None = None
@@ -246,7 +246,7 @@ class ComparisonContent:
     made: str = ""
     version: str = ""
     figures: tuple[KeyFigure, ...] = ()
-    events: tuple[Event, ...] = ()
+    events: tuple[ReportEvent, ...] = ()
     configuration_toml: str = ""
     safety: str = SAFETY
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from surfuse.report.axes import Frame, drawing, frame_axes
+from surfuse.report.axes import AxesFrame, drawing, frame_axes
 from surfuse.report.colours import CATEGORIES
 from surfuse.report.markup import Child, Markup, Value, element, join
 from surfuse.report.skeleton import stylesheet
@@ -123,14 +123,14 @@ def _pieces(series: Series) -> list[list[tuple[float, float]]]:
     return [piece for piece in pieces if piece]
 
 
-def _frame(chart: Chart) -> Frame:
+def _frame(chart: Chart) -> AxesFrame:
     points = [point for series in chart.series for piece in _pieces(series) for point in piece]
     across = [x for x, _ in points] or [0.0, 1.0]
     up = [y for _, y in points] + [limit for limit in chart.y_limits if math.isfinite(limit)] or [0.0, 1.0]
     x_low, x_high = _spread(min(across), max(across), 0.0)
     y_low, y_high = _spread(min(up), max(up), 0.06)
     size = WIDTH - _LEFT - _RIGHT, HEIGHT - _TOP - _BOTTOM
-    return Frame(x_low, x_high, y_low, y_high, _LEFT, _TOP, *size)
+    return AxesFrame(x_low, x_high, y_low, y_high, _LEFT, _TOP, *size)
 
 
 def _spread(low: float, high: float, pad: float) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from surfuse.records import FloatArray, Outline
-from surfuse.report.axes import Frame, drawing, frame_axes
+from surfuse.report.axes import AxesFrame, drawing, frame_axes
 from surfuse.report.markup import Markup, element
 
 MM = 1000.0
@@ -32,17 +32,17 @@ def outline_chart(outline: Outline, label: str) -> Markup:
     return drawing(frame.left + frame.width + 14, frame.top + frame.height + 46, title, layers)
 
 
-def _frame(corners_mm: FloatArray, reach_mm: float) -> Frame:
+def _frame(corners_mm: FloatArray, reach_mm: float) -> AxesFrame:
     """A frame with the same scale on both axes, within 450 x 400."""
     low, high = corners_mm.min(axis=0) - reach_mm, corners_mm.max(axis=0) + reach_mm
     pad = _ROOM * max(1.0, float((high - low).max()))
     low, high = low - pad, high + pad
     span = high - low
     scale = min(450.0 / span[0], 400.0 / span[1])
-    return Frame(low[0], high[0], low[1], high[1], 60.0, 12.0, float(scale * span[0]), float(scale * span[1]))
+    return AxesFrame(low[0], high[0], low[1], high[1], 60.0, 12.0, float(scale * span[0]), float(scale * span[1]))
 
 
-def _band(frame: Frame, corners: FloatArray, reach: FloatArray, pixels_per_mm: float) -> list[Markup]:
+def _band(frame: AxesFrame, corners: FloatArray, reach: FloatArray, pixels_per_mm: float) -> list[Markup]:
     """Circles around the vertices, and between neighbours the strip that joins their circles."""
     after, reach_after = np.roll(corners, -1, axis=0), np.roll(reach, -1)
     along = after - corners

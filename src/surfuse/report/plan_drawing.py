@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from surfuse.records import FloatArray
-from surfuse.report.axes import Frame, drawing, frame_axes
+from surfuse.report.axes import AxesFrame, drawing, frame_axes
 from surfuse.report.content import PlanView
 from surfuse.report.markup import Markup, Value, element
 
@@ -28,20 +28,20 @@ def _extent(plan: PlanView) -> tuple[FloatArray, FloatArray]:
     return low - pad, high + pad
 
 
-def _frame(plan: PlanView) -> Frame:
+def _frame(plan: PlanView) -> AxesFrame:
     """A frame with the same scale on both axes, within 620 x 480."""
     low, high = _extent(plan)
     span = high - low
     scale = min(620.0 / span[0], 480.0 / span[1])
-    return Frame(low[0], high[0], low[1], high[1], 66.0, 12.0, float(scale * span[0]), float(scale * span[1]))
+    return AxesFrame(low[0], high[0], low[1], high[1], 66.0, 12.0, float(scale * span[0]), float(scale * span[1]))
 
 
-def _curve(frame: Frame, points_m: FloatArray, kind: str, closed: bool) -> list[Markup]:
+def _curve(frame: AxesFrame, points_m: FloatArray, kind: str, closed: bool) -> list[Markup]:
     points = [(float(u), float(v)) for u, v in MM * points_m if np.isfinite(u) and np.isfinite(v)]
     return [element("path", {"d": frame.path(points, closed), "class": kind})] if points else []
 
 
-def _dots(frame: Frame, plan: PlanView) -> list[Markup]:
+def _dots(frame: AxesFrame, plan: PlanView) -> list[Markup]:
     if not 0 < len(plan.stops_m) <= MOST_DOTS:
         return []
     # A path of zero-length round-capped strokes draws all dots with one element.
@@ -51,7 +51,7 @@ def _dots(frame: Frame, plan: PlanView) -> list[Markup]:
     return [element("path", {"d": dots, "class": "stops"}), element("circle", first)]
 
 
-def _crosses(frame: Frame, plan: PlanView) -> list[Markup]:
+def _crosses(frame: AxesFrame, plan: PlanView) -> list[Markup]:
     layers = []
     for stop in plan.skipped[:MOST_CROSSES]:
         x, y = frame.x(MM * stop.u_m), frame.y(MM * stop.v_m)

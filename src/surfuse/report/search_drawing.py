@@ -8,8 +8,8 @@ import numpy as np
 
 from surfuse.errors import DataError
 from surfuse.records import ByteArray, FloatArray
-from surfuse.report.axes import Frame, drawing, frame_axes
-from surfuse.report.content import FoundPart
+from surfuse.report.axes import AxesFrame, drawing, frame_axes
+from surfuse.report.content import FoundPartView
 from surfuse.report.markup import Markup, Value, element
 
 # An image of 500 x 582 pixels with sensor noise takes about 60 kB at this quality.
@@ -38,7 +38,7 @@ def _polygon(points_px: FloatArray, kind: str) -> Markup:
     return element("polygon", {"points": corners, "class": kind})
 
 
-def search_image(part: FoundPart, longest_px: int) -> Markup:
+def search_image(part: FoundPartView, longest_px: int) -> Markup:
     """The image as it was taken, in true proportions, with what was found in it drawn over."""
     rows, columns = part.image.shape
     code = base64.b64encode(jpeg(part.image, longest_px)).decode("ascii")
@@ -61,12 +61,12 @@ def search_image(part: FoundPart, longest_px: int) -> Markup:
     return drawing(width, rows, title, [stretched, *dots], "picture")
 
 
-def histogram_chart(part: FoundPart) -> Markup | None:
+def histogram_chart(part: FoundPartView) -> Markup | None:
     """Grey levels of the image with the thresholds that split them; None without a histogram."""
     if not len(part.histogram):
         return None
     counts = np.sqrt(part.histogram.astype(np.float64))
-    frame = Frame(0.0, 255.0, 0.0, max(1.0, float(counts.max()) * 1.05), 40.0, 26.0, 466.0, 130.0)
+    frame = AxesFrame(0.0, 255.0, 0.0, max(1.0, float(counts.max()) * 1.05), 40.0, 26.0, 466.0, 130.0)
     outline = [(0.0, 0.0), *zip(range(256), counts.tolist(), strict=True), (255.0, 0.0)]
     layers = frame_axes(frame, "grey level", "√ pixels", y_ticks=False)
     layers.append(element("path", {"d": frame.path(outline, True), "class": "bars"}))
@@ -80,7 +80,7 @@ def histogram_chart(part: FoundPart) -> Markup | None:
     return drawing(520, 200, f"Histogram of {part.label}", layers)
 
 
-def _marked(frame: Frame, level: int, kind: str, name: str) -> list[Markup]:
+def _marked(frame: AxesFrame, level: int, kind: str, name: str) -> list[Markup]:
     """A vertical line at a grey level; a pointer that rests on it reads its name."""
     x = round(frame.x(level), 2)
     place: dict[str, Value] = {"x1": x, "x2": x, "y1": frame.top, "y2": frame.top + frame.height, "class": kind}

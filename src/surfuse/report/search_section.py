@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from surfuse.report.blocks import key, section
-from surfuse.report.content import FoundPart
+from surfuse.report.content import FoundPartView
 from surfuse.report.markup import Child, Markup, element
 from surfuse.report.outline_drawing import BAND_SIGMAS, MM, outline_chart
 from surfuse.report.search_drawing import histogram_chart, search_image
 
 
-def search_section(parts: tuple[FoundPart, ...], longest_px: int) -> Markup:
+def search_section(parts: tuple[FoundPartView, ...], longest_px: int) -> Markup:
     """One block a part: picture with contour and dominant points, histogram with thresholds, outline in metres."""
     keys = [
         key("#56b4e9", "contour"),
@@ -28,7 +28,7 @@ def search_section(parts: tuple[FoundPart, ...], longest_px: int) -> Markup:
     return section("search", "Search", element("p", None, text), legend, *blocks)
 
 
-def _block(part: FoundPart, longest_px: int, named: bool) -> Markup:
+def _block(part: FoundPartView, longest_px: int, named: bool) -> Markup:
     facts = [
         f"{part.image.shape[1]} × {part.image.shape[0]} pixels",
         f"{len(part.dominant_px)} dominant points",
@@ -49,7 +49,7 @@ def _block(part: FoundPart, longest_px: int, named: bool) -> Markup:
     return element("article", None, *head, columns)
 
 
-def _levels(part: FoundPart) -> list[Markup]:
+def _levels(part: FoundPartView) -> list[Markup]:
     """The thresholds in a table: a screen reader and a printed page have no colours to tell them apart."""
     if not part.levels:
         return []
@@ -67,7 +67,7 @@ def _levels(part: FoundPart) -> list[Markup]:
     return [element("table", {"class": "small"}, element("thead", None, head), element("tbody", None, *rows))]
 
 
-def _extent(part: FoundPart) -> Markup:
+def _extent(part: FoundPartView) -> Markup:
     """Size and uncertainty of the outline, in words."""
     assert part.outline is not None
     size = MM * (part.outline.vertices_m.max(axis=0) - part.outline.vertices_m.min(axis=0))

@@ -39,7 +39,7 @@ class SmoothMotion:
 
 
 @dataclass(frozen=True)
-class Cell:
+class Rig:
     """Devices and their known places.
 
     `ready_rad` is the posture in which joint 1 turns during the search. `shoulder_from_camera` and

@@ -12,8 +12,8 @@ from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import BusCounters, Tally
 from surfuse.node.firmware import Node
 from surfuse.node.link import BusLink, BusParameters, OpenBus, open_bus
-from surfuse.node.responder import NodeIdentity, Responder, Volley
-from surfuse.node.timeouts import Patience
+from surfuse.node.responder import NodeIdentity, Responder, SimultaneousFire
+from surfuse.node.timeouts import NodeTimeouts
 from surfuse.records import Echo, Fixture
 
 # A simulated node compiles its kernels at the first reading, which takes seconds on a slow machine.
@@ -102,16 +102,21 @@ class _ArrivalClock:
 
 
 def in_process(
-    fixture: Fixture, sensors: Sequence[RangeSensor], node: int, clock: Clock, volley: Volley, together: bool
+    fixture: Fixture,
+    sensors: Sequence[RangeSensor],
+    node: int,
+    clock: Clock,
+    fire_together: SimultaneousFire,
+    together: bool,
 ) -> ArrayInProcess:
     """Sensors behind a node in a thread of this process, on a virtual bus that no one else is on.
 
     `clock` is shared by both ends and the sensors; `together` has them sent by `volley` instead of one after the other.
     """
     bus = BusParameters("virtual", f"surfuse-{next(_numbers)}")
-    responder = Responder(sensors, clock, NodeIdentity(node), Catalogue(), volley=volley)
-    patience = Patience(silence_limit_s=_SIMULATED_SILENCE_S, lost_sweeps_limit=_LOST_SWEEPS)
-    host = Parameters(bus=bus, node=node, patience=patience, together=together)
+    responder = Responder(sensors, clock, NodeIdentity(node), Catalogue(), fire_together=fire_together)
+    timeouts = NodeTimeouts(silence_limit_s=_SIMULATED_SILENCE_S, lost_sweeps_limit=_LOST_SWEEPS)
+    host = Parameters(bus=bus, node=node, timeouts=timeouts, together=together)
     return ArrayInProcess(
         Node(responder, BusLink(_opener(bus), clock, Tally())), _can_array(fixture, host, clock, clock)
     )
@@ -128,10 +133,12 @@ def elsewhere(
 ) -> ArrayElsewhere:
     """Sensors behind a node in another process; `tether` is for a node whose sensors are simulated."""
     silence_s = _REAL_SILENCE_S if tether is None else _SIMULATED_SILENCE_S
-    patience = Patience(silence_limit_s=silence_s, connect_timeout_s=connect_timeout_s, lost_sweeps_limit=_LOST_SWEEPS)
+    timeouts = NodeTimeouts(
+        silence_limit_s=silence_s, connect_timeout_s=connect_timeout_s, lost_sweeps_limit=_LOST_SWEEPS
+    )
     sweep_s = _firing_time_s(fixture, together)
     arrivals = _ArrivalClock(clock, _REAL_SWEEP_S if tether is None else sweep_s)
-    host = Parameters(bus=bus, node=node, patience=patience, together=together)
+    host = Parameters(bus=bus, node=node, timeouts=timeouts, together=together)
     return ArrayElsewhere(_can_array(fixture, host, clock, arrivals), tether, clock, sweep_s)
 
 

@@ -37,12 +37,12 @@ class Ran:
 class TickLoop(Protocol):
     """Runs many ticks at once where it can, to the same numbers as `JointServo.tick`."""
 
-    def __call__(self, servo: JointServo, commands: Commands, first: int, until: Arrival | None) -> Ran:
+    def __call__(self, servo: JointServo, commands: Commands, first: int, until: SettleGoal | None) -> Ran:
         """Run ticks from number `first` on, the last command again and again if there is something to arrive at."""
 
 
 @dataclass
-class Arrival:
+class SettleGoal:
     """Every joint within `within_rad` of its target for `in_a_row` ticks; `seen` counts them, `left` is the rest."""
 
     within_rad: float
@@ -179,7 +179,7 @@ class JointServo:
         for _ in range(ticks):
             self.tick(joints_rad, self._still, self._still)
 
-    def hold_until(self, joints_rad: FloatArray, arrival: Arrival) -> bool:
+    def hold_until(self, joints_rad: FloatArray, arrival: SettleGoal) -> bool:
         """Stay at joints (J,) until every joint has arrived there, or the time for it is over; says which."""
         commands = Commands(joints_rad[None].copy(), self._still[None], self._still[None])
         while arrival.left > 0:
@@ -211,7 +211,7 @@ class JointServo:
                 )
                 done += 1
 
-    def _run_fast(self, commands: Commands, first: int, until: Arrival | None) -> Ran:
+    def _run_fast(self, commands: Commands, first: int, until: SettleGoal | None) -> Ran:
         """As many ticks as the loop can do at once, perhaps none."""
         if self._loop is None:
             return Ran(0)

@@ -78,7 +78,7 @@ def measure(
     """
     n = words.shape[0]
     following, stuck, jump = constants[4, 0], constants[4, 1], constants[4, 2]
-    period, blend, patience = constants[4, 3], constants[4, 4], constants[4, 5]
+    period, blend, timeouts = constants[4, 3], constants[4, 4], constants[4, 5]
     before = counts.copy()
     unwrap(words, last_words, counts)
     verdict = FINE
@@ -99,7 +99,7 @@ def measure(
             continue
         if abs(counts[i] - before[i]) > jump:
             verdict = 16 * JUMP + i
-        elif abs(wanted[i] - anchor[0, i]) > stuck or anchor[3, i] > patience * abs(constants[0, i]):
+        elif abs(wanted[i] - anchor[0, i]) > stuck or anchor[3, i] > timeouts * abs(constants[0, i]):
             verdict = 16 * STUCK + i
         # Written so that nan counts as too far.
         elif not abs(wanted[i] - position[i]) <= following:

@@ -8,7 +8,6 @@ from surfuse.settings.sections import (
     ArraySettings,
     BusSettings,
     CameraSettings,
-    CellSettings,
     Fraction,
     FusionSettings,
     KitSettings,
@@ -20,6 +19,7 @@ from surfuse.settings.sections import (
     SearchSettings,
     Section,
     Settings,
+    TableSettings,
     from_tree,
     load,
 )
@@ -32,7 +32,6 @@ __all__ = [
     "ArraySettings",
     "BusSettings",
     "CameraSettings",
-    "CellSettings",
     "Fraction",
     "FusionSettings",
     "KitSettings",
@@ -44,6 +43,7 @@ __all__ = [
     "SearchSettings",
     "Section",
     "Settings",
+    "TableSettings",
     "from_tree",
     "load",
 ]

@@ -46,7 +46,7 @@ class SceneSettings(Section):
     roughness: Fraction = Field(0.35, description="acoustic roughness of the part: 0 a mirror, 1 fully diffuse")
 
 
-class CellSettings(Section):
+class TableSettings(Section):
     """The ring table."""
 
     table_height_m: Length = 1.00
@@ -212,7 +212,7 @@ class Settings(Section):
 
     seed: int = Field(1, ge=0, le=2**63 - 1)
     scene: SceneSettings = SceneSettings()
-    cell: CellSettings = CellSettings()
+    cell: TableSettings = TableSettings()
     arm: ArmSettings = ArmSettings()
     camera: CameraSettings = CameraSettings()
     ranger: RangerSettings = RangerSettings()

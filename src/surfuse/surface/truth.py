@@ -25,7 +25,7 @@ height of its upper edge.
 """
 
 
-def read_mesh(path: Path) -> tuple[FloatArray, IntArray]:
+def read_truth_mesh(path: Path) -> tuple[FloatArray, IntArray]:
     """Vertices (V, 3) in the file's frame and unit, and triangles (F, 3), of a mesh file.
 
     Raises

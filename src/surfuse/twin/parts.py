@@ -13,7 +13,7 @@ from surfuse.geometry.mesh_files import SUFFIXES, TriangleSoup, read_mesh
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FloatArray, IntArray
 from surfuse.twin.materials import Material
-from surfuse.twin.scene import Body, CellParameters
+from surfuse.twin.scene import SceneBody, TableParameters
 
 SCENES = ("flat", "tilted", "relief")
 PLATE_SIDE_M = 0.20
@@ -70,7 +70,7 @@ class Part:
     """A part standing on the table, with what a user should know about its mesh."""
 
     name: str
-    body: Body
+    body: SceneBody
     warnings: tuple[str, ...] = ()
 
     def mesh(self) -> tuple[FloatArray, IntArray]:
@@ -81,7 +81,7 @@ class Part:
 def make_part(
     scene: str | Path,
     placed: PartPose | None = None,
-    cell: CellParameters | None = None,
+    cell: TableParameters | None = None,
     material: Material = Material.PART,
 ) -> Part:
     """One of `SCENES`, or a mesh file, standing on the table.
@@ -94,7 +94,7 @@ def make_part(
     """
     name = str(scene)
     where = placed or PartPose()
-    table = cell or CellParameters()
+    table = cell or TableParameters()
     if name in ("flat", "tilted"):
         turn = TILTED_YAW_RAD if name == "tilted" else 0.0
         return _stand(name, plate(), replace(where, yaw_rad=where.yaw_rad + turn), table, material)
@@ -145,7 +145,7 @@ def _prism(profile_yz_m: FloatArray, half_width_m: float) -> TriangleSoup:
     return TriangleSoup(np.vstack([left, right]), np.array(faces, dtype=np.int64), ())
 
 
-def _stand(name: str, soup: TriangleSoup, where: PartPose, cell: CellParameters, material: Material) -> Part:
+def _stand(name: str, soup: TriangleSoup, where: PartPose, cell: TableParameters, material: Material) -> Part:
     """Scale, turn and put down: lowest point on the table, front of the bounding box at the radius."""
     own = soup.vertices_m * where.scale
     _check_extent(name, own, where)
@@ -158,7 +158,7 @@ def _stand(name: str, soup: TriangleSoup, where: PartPose, cell: CellParameters,
     cosine, sine = np.cos(where.azimuth_rad), np.sin(where.azimuth_rad)
     world_from_stand = np.array([[sine, cosine, 0.0], [-cosine, sine, 0.0], [0.0, 0.0, 1.0]])
     world_from_body = pose(world_from_stand @ turn, world_from_stand @ put)
-    return Part(name, Body(own, soup.triangles, material, world_from_body), soup.warnings)
+    return Part(name, SceneBody(own, soup.triangles, material, world_from_body), soup.warnings)
 
 
 def _upright(up: str) -> FloatArray:
@@ -182,7 +182,7 @@ def _check_extent(name: str, own: FloatArray, where: PartPose) -> None:
         )
 
 
-def _check_fit(name: str, standing: FloatArray, cell: CellParameters) -> None:
+def _check_fit(name: str, standing: FloatArray, cell: TableParameters) -> None:
     """Refuse a part that the ring cannot carry: (V, 3) with y along the radius, x across it."""
     width, depth = (float(value) for value in np.ptp(standing[:, :2], axis=0))
     widest = 2.0 * float(np.sqrt(cell.outer_radius_m**2 - cell.inner_radius_m**2))

@@ -19,7 +19,7 @@ _GRAZING = 1e-6
 
 
 @dataclass(frozen=True)
-class Body:
+class SceneBody:
     """One rigid thing: vertices (V, 3) in m in its own frame, triangles (F, 3) wound counter-clockwise from outside."""
 
     vertices_m: FloatArray
@@ -33,7 +33,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class CellParameters:
+class TableParameters:
     """The ring table around the arm and the floor.
 
     Parameters
@@ -80,7 +80,7 @@ class Scene:
     DataError : no triangles, an index out of range, or a vertex that is not finite.
     """
 
-    def __init__(self, bodies: Sequence[Body]) -> None:
+    def __init__(self, bodies: Sequence[SceneBody]) -> None:
         self.bodies = tuple(bodies)
         vertices, triangles, body = _merged(self.bodies)
         corner = vertices[triangles]
@@ -126,19 +126,19 @@ class Scene:
         return np.where(met, distance, np.inf), triangle
 
 
-def build_cell(parameters: CellParameters | None = None) -> tuple[Body, ...]:
+def table_bodies(parameters: TableParameters | None = None) -> tuple[SceneBody, ...]:
     """The floor and the ring table, without a part."""
-    cell = parameters or CellParameters()
+    cell = parameters or TableParameters()
     return _floor(cell), _ring_table(cell)
 
 
-def _floor(cell: CellParameters) -> Body:
+def _floor(cell: TableParameters) -> SceneBody:
     half = cell.floor_half_width_m
     vertices = np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])
-    return Body(vertices, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int64), Material.FLOOR, np.eye(4))
+    return SceneBody(vertices, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int64), Material.FLOOR, np.eye(4))
 
 
-def _ring_table(cell: CellParameters) -> Body:
+def _ring_table(cell: TableParameters) -> SceneBody:
     """A rectangular cross-section turned about z: four corners a segment, four quadrilaterals between neighbours."""
     n = cell.segments
     angle = 2.0 * np.pi * np.arange(n) / n
@@ -159,10 +159,10 @@ def _ring_table(cell: CellParameters) -> Body:
         b = (a + 1) % 4
         faces.append(np.column_stack([here + a, there + b, here + b]))
         faces.append(np.column_stack([here + a, there + a, there + b]))
-    return Body(vertices, np.vstack(faces).astype(np.int64), Material.TABLE, np.eye(4))
+    return SceneBody(vertices, np.vstack(faces).astype(np.int64), Material.TABLE, np.eye(4))
 
 
-def _merged(bodies: Sequence[Body]) -> tuple[FloatArray, IntArray, IntArray]:
+def _merged(bodies: Sequence[SceneBody]) -> tuple[FloatArray, IntArray, IntArray]:
     """Vertices, triangles and the body of each triangle, of all bodies together in the world frame."""
     if not bodies:
         raise DataError("the scene has no bodies", cure="give at least one mesh")

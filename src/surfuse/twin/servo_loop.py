@@ -13,7 +13,7 @@ from surfuse.motion.control.computed_torque import ComputedTorque, computed_torq
 from surfuse.motion.control.law import Commands
 from surfuse.records import FloatArray
 from surfuse.servo_cards.scales import converter_words
-from surfuse.servo_cards.servo import Arrival, JointServo, Ran, ServoMemory
+from surfuse.servo_cards.servo import JointServo, Ran, ServoMemory, SettleGoal
 from surfuse.servo_cards.supervision import FINE, measure
 from surfuse.twin.dynamics.plant import ArmPlant, PlantMemory, integrate
 from surfuse.twin.servo_card import (
@@ -33,7 +33,7 @@ class CompiledTicks:
         self._card = card
         self._plant = plant
 
-    def __call__(self, servo: JointServo, commands: Commands, first: int, until: Arrival | None) -> Ran:
+    def __call__(self, servo: JointServo, commands: Commands, first: int, until: SettleGoal | None) -> Ran:
         """See `TickLoop`."""
         law = servo.law
         if not (isinstance(law, ComputedTorque) and self._card.undisturbed):

@@ -9,7 +9,7 @@ from surfuse.geometry.mesh_files import TriangleSoup
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FloatArray
 from surfuse.twin.materials import Material
-from surfuse.twin.scene import Body
+from surfuse.twin.scene import SceneBody
 
 
 def extrusion(front_yz_m: FloatArray, depth_m: float) -> TriangleSoup:
@@ -61,7 +61,7 @@ def standing(
     height_m: float,
     yaw_rad: float = 0.0,
     lean_rad: float = 0.0,
-) -> Body:
+) -> SceneBody:
     """The solid with its foot at a height, in a direction and distance from the arm's first axis, x pointing outwards.
 
     It is turned about its own vertical through x = y = 0, after it leant back (top away from the arm) by `lean_rad`,
@@ -71,4 +71,4 @@ def standing(
     leant = leant - [0.0, 0.0, float(leant[:, 2].min())]
     place = [radius_m * np.cos(azimuth_rad), radius_m * np.sin(azimuth_rad), height_m]
     turn = rotation_about([0.0, 0.0, 1.0], azimuth_rad + yaw_rad)
-    return Body(leant, soup.triangles, material, pose(turn, place))
+    return SceneBody(leant, soup.triangles, material, pose(turn, place))

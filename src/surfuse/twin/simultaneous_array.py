@@ -45,9 +45,9 @@ class SimultaneousArray(AlwaysOpen):
 
     def sweep(self) -> tuple[Echo, ...]:
         """One answer a sensor, in the order of the fixture, all of the same moment."""
-        return self.volley(range(len(self._fixture)))
+        return self.fire_together(range(len(self._fixture)))
 
-    def volley(self, numbers: Sequence[int]) -> tuple[Echo, ...]:
+    def fire_together(self, numbers: Sequence[int]) -> tuple[Echo, ...]:
         """One answer of each of these sensors, which send together; the others are silent."""
         specs, now_s = [self._fixture.specs[number] for number in numbers], self._clock.now_s()
         poses = np.asarray(self._world_from_grip() @ self._fixture.grip_from_sensor[list(numbers)], dtype=np.float64)

@@ -11,7 +11,7 @@ import numpy as np
 from surfuse.errors import ConfigError
 from surfuse.records import BoolArray, FloatArray
 from surfuse.twin.materials import Material
-from surfuse.twin.scene import Body
+from surfuse.twin.scene import SceneBody
 
 MARKER_CELLS = 6
 SQUARE_CELLS = 8
@@ -40,7 +40,7 @@ def charuco(columns: int, rows: int, dictionary: int) -> BoolArray:
 
 def target_bodies(
     dark: BoolArray, cell_m: float, world_from_target: FloatArray, border_m: float = 0.0
-) -> tuple[Body, ...]:
+) -> tuple[SceneBody, ...]:
     """The board of dark and bright cells (R, C) with a bright border around it, as one body for each colour.
 
     Raises
@@ -63,7 +63,7 @@ def target_bodies(
     tiles = [_quads(*np.array(part, dtype=np.float64).reshape(-1, 4).T) for part in (dim, bright)]
     materials = (Material.FLOOR, Material.PART)
     return tuple(
-        Body(vertices, np.arange(len(vertices)).reshape(-1, 3), material, world_from_target)
+        SceneBody(vertices, np.arange(len(vertices)).reshape(-1, 3), material, world_from_target)
         for vertices, material in zip(tiles, materials, strict=True)
     )
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from surfuse.beam_model.heard.stations import Stations
 from surfuse.beam_model.judge.plain_surfaces import simple_surfaces
-from surfuse.beam_model.map.tiles import Sheet, Tile
+from surfuse.beam_model.map.tiles import RasterLayers, Tile
 from surfuse.beam_model.prior.raster import Raster, slopes
 from surfuse.beam_model.search.descent import Solution
-from surfuse.beam_model.search.estimation import Problem, arrivals, free_space, problem, residuals
+from surfuse.beam_model.search.estimation import Estimation, arrivals, free_space, problem, residuals
 from surfuse.beam_model.search.first_surfaces import trusted
 from surfuse.records import BoolArray, FloatArray, GuardReason, IntArray, Regime, RegionDecision
 
@@ -37,7 +37,7 @@ ABSOLUTE_TO_SIGMA = 1.2533
 
 
 @dataclass(frozen=True)
-class Verdict:
+class HeldOutVerdict:
     """The decisions on the regions of one raster: `region` (R, C) numbers the cells, and indexes `decisions`."""
 
     region: IntArray
@@ -75,13 +75,13 @@ def regions(raster: Raster) -> IntArray:
     return np.asarray(down[:, None] * (int(across[-1]) + 1) + across[None, :], dtype=np.int64)
 
 
-def misses(judges: Problem, height: FloatArray, crease_m: float) -> FloatArray:
+def misses(judges: Estimation, height: FloatArray, crease_m: float) -> FloatArray:
     """How far (M,) the held-out ranges are from the prediction over a surface; nothing predicted is a full miss."""
     error, known = residuals(judges, arrivals(judges, height, crease_m))
     return np.where(known > 0.0, np.minimum(np.abs(error), LARGEST_MISS_M), LARGEST_MISS_M)
 
 
-def judged(p: Problem, solution: Solution, judges: Stations, tile: Tile | None = None) -> Verdict:
+def judged(p: Estimation, solution: Solution, judges: Stations, tile: Tile | None = None) -> HeldOutVerdict:
     """Decide region by region; `p` holds the stations that the solution was made of, `judges` the others.
 
     Of a tile, only the regions of the cells that are kept.
@@ -108,7 +108,7 @@ def judged(p: Problem, solution: Solution, judges: Stations, tile: Tile | None =
         _decided(r, region == k, tuple(surfaces), miss[own == k], above[:, region == k].mean(axis=1))
         for k in range(int(region.max()) + 1)
     )
-    return Verdict(region, decisions)
+    return HeldOutVerdict(region, decisions)
 
 
 def _decided(
@@ -139,7 +139,7 @@ def _decided(
     )  # fmt: skip
 
 
-def fallen_back(sheet: Sheet, p: Problem, verdict: Verdict, raster: Raster) -> Sheet:
+def fallen_back(sheet: RasterLayers, p: Estimation, verdict: HeldOutVerdict, raster: Raster) -> RasterLayers:
     """The sheet with the surface of every lost region replaced by the one that won it.
 
     `raster` is that of the verdict. Sigma there is what the held-out readings missed the winner by; the regime says

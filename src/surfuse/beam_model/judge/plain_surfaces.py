@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from surfuse.beam_model.search.estimation import Problem, free_space
+from surfuse.beam_model.search.estimation import Estimation, free_space
 from surfuse.beam_model.search.first_surfaces import trusted
 from surfuse.records import FloatArray
 
@@ -16,7 +16,7 @@ MEAN_OF = 12
 MEAN_REACH_M = 0.025
 
 
-def simple_surfaces(p: Problem) -> dict[str, FloatArray]:
+def simple_surfaces(p: Estimation) -> dict[str, FloatArray]:
     """Heights (R, C) by name; each holds a value in every cell of the domain."""
     foot = p.stations.foot_m
     foot = foot[p.raster.holds(foot)] if np.any(p.raster.holds(foot)) else foot
@@ -31,12 +31,12 @@ def simple_surfaces(p: Problem) -> dict[str, FloatArray]:
     median = np.median(heights[:, :MEDIAN_OF], axis=1)
     bound = free_space(p, trusted(p, p.surfels))[p.raster.domain]
     return {
-        name: spread(p, values)
+        name: as_layer(p, values)
         for name, values in zip(NAMES, (mean, median, np.where(np.isfinite(bound), bound, median)), strict=True)
     }
 
 
-def spread(p: Problem, values: FloatArray) -> FloatArray:
+def as_layer(p: Estimation, values: FloatArray) -> FloatArray:
     """Values of the cells of the domain as a layer (R, C)."""
     layer = np.zeros(p.raster.shape)
     layer[p.raster.domain] = values

@@ -14,7 +14,7 @@ from surfuse.records import FloatArray, MapGrid
 TEMPER = 25.0
 
 
-def spread(found: Sequence[Solution], temper: float = TEMPER) -> FloatArray:
+def rival_spread(found: Sequence[Solution], temper: float = TEMPER) -> FloatArray:
     """Root mean square distance (R, C) in m of all explanations from the first, the best one.
 
     Their weights are exp(-(score - best) / temper): evidence is the sum over readings whose errors are not quite

@@ -13,8 +13,8 @@ from surfuse.beam_model.echo.detector import SPEED_OF_SOUND_M_S, BeamTable, Dete
 from surfuse.beam_model.heard.domain import heard_extent, inside_outline, raster_over
 from surfuse.beam_model.heard.stations import Stations, gather, isolated, kinds, spacing
 from surfuse.beam_model.judge.held_out import fallen_back, held_out, judged
-from surfuse.beam_model.judge.rivals import laid_on, spread
-from surfuse.beam_model.map.tiles import Sheet, Tile, blank, pasted, sheet_of, sparse, tiles
+from surfuse.beam_model.judge.rivals import laid_on, rival_spread
+from surfuse.beam_model.map.tiles import RasterLayers, Tile, blank, pasted, sheet_of, sparse, tiles
 from surfuse.beam_model.prior.raster import Raster
 from surfuse.beam_model.search.estimation import problem
 from surfuse.beam_model.search.explanations import FULL, LEAN, Effort, completed, explore, refine
@@ -96,7 +96,7 @@ def estimate_map(
     effort = FULL if len(parts) == 1 else LEAN
     sheet = blank(whole if len(parts) > 1 else fine_raster(scene, grid, g, heard, reach_m))
 
-    def solved(tile: Tile) -> tuple[Sheet, tuple[RegionDecision, ...]]:
+    def solved(tile: Tile) -> tuple[RasterLayers, tuple[RegionDecision, ...]]:
         return _solve(stations, tables, tile, sheet.raster if effort.fine else None, step, edge, effort)
 
     decisions: list[RegionDecision] = []
@@ -117,7 +117,7 @@ def fine_raster(scene: FusionScene, grid: MapGrid, g: float, heard_m: FloatArray
 def _solve(
     stations: Stations, tables: tuple[BeamTable, ...], tile: Tile, fine: Raster | None, step: float,
     edge: float, effort: Effort,
-) -> tuple[Sheet, tuple[RegionDecision, ...]]:  # fmt: skip
+) -> tuple[RasterLayers, tuple[RegionDecision, ...]]:  # fmt: skip
     """Estimate one raster from the stations over it, and let the stations that were held out judge it."""
     coarse = tile.raster
     low, high = coarse.extent()
@@ -131,7 +131,7 @@ def _solve(
     apart = held_out(few)
     shown = problem(few.select(~apart), tables, coarse, step)
     found = explore(shown, edge, effort)
-    best, doubt_m = found[0], spread(found)
+    best, doubt_m = found[0], rival_spread(found)
     verdict = judged(shown, best, few.select(apart), tile if fine is None else None)
     every = problem(few, tables, coarse, step)
     final = completed(every, best, effort)
@@ -142,7 +142,7 @@ def _solve(
     return fallen_back(sheet, every, verdict, coarse), verdict.decisions
 
 
-def on_grid(sheet: Sheet, grid: MapGrid) -> SurfaceMap:
+def on_grid(sheet: RasterLayers, grid: MapGrid) -> SurfaceMap:
     """Layers at the nodes of the map: each node on the facet of the cell that contains it."""
     r = sheet.raster
     rows, cols = r.shape

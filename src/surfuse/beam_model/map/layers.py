@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt, maximum_filter, uniform_filter
 from surfuse.beam_model.echo.arrivals import MIRROR, RIM, SPECKLE
 from surfuse.beam_model.prior.band_matrix import colour, factor
 from surfuse.beam_model.search.descent import LOOSE_M, Solution
-from surfuse.beam_model.search.estimation import Problem, deviation, pulls, residuals
+from surfuse.beam_model.search.estimation import Estimation, deviation, pulls, residuals
 from surfuse.records import ByteArray, FloatArray, IntArray, Regime
 
 SAMPLES = 64
@@ -37,7 +37,7 @@ class Layers:
     confidence: FloatArray
 
 
-def posterior_sigma(p: Problem, solution: Solution) -> FloatArray:
+def posterior_sigma(p: Estimation, solution: Solution) -> FloatArray:
     """Standard deviation (R, C) from samples of the linearised posterior, drawn with its Cholesky factor."""
     data, _ = pulls(p, solution.heard, solution.height_m, 0.0)
     band = p.plate.precision(solution.height_m, solution.stiffness, LOOSE_M**-2)
@@ -47,7 +47,7 @@ def posterior_sigma(p: Problem, solution: Solution) -> FloatArray:
     return np.asarray(p.plate.field(np.mean(samples**2, axis=1)) ** 0.5)
 
 
-def by_cell(p: Problem, solution: Solution, values: FloatArray, kind: int) -> FloatArray:
+def by_cell(p: Estimation, solution: Solution, values: FloatArray, kind: int) -> FloatArray:
     """Sum (R, C) of a station column over the cells that the stations hear in one way."""
     heard, shape = solution.heard, p.raster.shape
     rows = heard.kind == kind
@@ -61,7 +61,7 @@ def around(layer: FloatArray, width: int) -> FloatArray:
     return np.asarray(uniform_filter(layer, width, mode="constant") * width * width)
 
 
-def common_sigma(p: Problem, solution: Solution, width: int) -> FloatArray:
+def common_sigma(p: Estimation, solution: Solution, width: int) -> FloatArray:
     """Part (R, C) of the uncertainty that neighbours share and smoothing does not remove."""
     one = np.ones(len(p.stations))
     total, number = np.zeros(p.raster.shape), np.zeros(p.raster.shape)
@@ -77,7 +77,7 @@ def common_sigma(p: Problem, solution: Solution, width: int) -> FloatArray:
     return np.asarray(np.sqrt(model**2 + sensor**2 + FLOOR_M**2))
 
 
-def external(p: Problem, solution: Solution) -> FloatArray:
+def external(p: Estimation, solution: Solution) -> FloatArray:
     """Ratio (R, C), at least 1, of the external to the internal variance of the readings around each cell.
 
     External: how far they are from what the surface predicts (Birge, Phys. Rev. 40 (1932) 207).
@@ -92,7 +92,7 @@ def external(p: Problem, solution: Solution) -> FloatArray:
     return np.asarray(np.maximum(total / np.maximum(number, 0.5), 1.0))
 
 
-def speed_sigma(p: Problem, solution: Solution) -> float:
+def speed_sigma(p: Estimation, solution: Solution) -> float:
     """Error of the height (m) from the speed of sound, which all readings share: a share of the range, seen along w."""
     heard = solution.heard
     known = (heard.kind == MIRROR) | (heard.kind == SPECKLE)
@@ -102,7 +102,7 @@ def speed_sigma(p: Problem, solution: Solution) -> float:
     return float(np.median((share * p.stations.range_m / np.maximum(np.abs(heard.gain), 0.2))[known]))
 
 
-def layers(p: Problem, solution: Solution, doubt_m: FloatArray | None = None) -> Layers:
+def layers(p: Estimation, solution: Solution, doubt_m: FloatArray | None = None) -> Layers:
     """All layers of a solution; `doubt_m` (R, C) says how far other explanations of the same readings are from it."""
     width = 2 * max(1, round(0.75 * p.spacing_m / p.raster.g_m)) + 1 if np.isfinite(p.spacing_m) else 3
     number = p.stations.count.astype(np.float64)

@@ -17,11 +17,11 @@ from surfuse.beam_model.heard.domain import raster_over
 from surfuse.beam_model.heard.stations import Stations, gather, isolated, spacing
 from surfuse.beam_model.map.estimate import cell_size, domain_of, empty_map, on_grid, tables_of
 from surfuse.beam_model.map.layers import layers
-from surfuse.beam_model.map.tiles import Sheet, Tile, blank, pasted, sparse
+from surfuse.beam_model.map.tiles import RasterLayers, Tile, blank, pasted, sparse
 from surfuse.beam_model.prior.raster import Raster, slopes
 from surfuse.beam_model.prior.smoothness import Stiffness
 from surfuse.beam_model.search.descent import Solution, crease, descend, objective
-from surfuse.beam_model.search.estimation import Problem, problem
+from surfuse.beam_model.search.estimation import Estimation, problem
 from surfuse.beam_model.search.explanations import FREE, SHARP, surfels_of
 from surfuse.beam_model.search.first_surfaces import nearest_allowed
 from surfuse.geometry.poses import inverse, transform_points
@@ -53,7 +53,7 @@ class LiveMap:
     sweeps: list[Sweep] = field(default_factory=list)
     looked_m: list[FloatArray] = field(default_factory=list)
     tables: tuple[BeamTable, ...] = ()
-    sheet: Sheet | None = None
+    sheet: RasterLayers | None = None
 
     def update(self, sweeps: Sequence[Sweep]) -> None:
         """Take in the sweeps since the last call and estimate the surface around them, around the newest first."""
@@ -99,7 +99,7 @@ class LiveMap:
         assert self.sheet is not None
         return self.sheet.raster
 
-    def _solved(self, stations: Stations, tile: Tile, step_m: float) -> Sheet:
+    def _solved(self, stations: Stations, tile: Tile, step_m: float) -> RasterLayers:
         """The window from its oriented points or from what was there before, whichever explains the readings better."""
         assert self.sheet is not None
         few = stations.select(sparse(stations, tile.raster, MOST_A_CELL))
@@ -140,13 +140,13 @@ def _window(raster: Raster, here_m: FloatArray, domain: Callable[[Raster], BoolA
     return Tile(part, kept_v, kept_u, a + low_v, b + low_u)
 
 
-def _settled(p: Problem, start: FloatArray, stiffness: Stiffness) -> Solution:
+def _settled(p: Estimation, start: FloatArray, stiffness: Stiffness) -> Solution:
     width = crease(p, stiffness)
     height, heard = descend(p, start, stiffness, width, SHARP)
     return Solution(height, heard, stiffness, width, objective(p, height, heard, stiffness, 0.0), "live")
 
 
-def _sheet(p: Problem, solution: Solution) -> Sheet:
+def _sheet(p: Estimation, solution: Solution) -> RasterLayers:
     """The layers of a window; second surfaces are left to the whole estimate."""
     su, sv, _, _, _ = slopes(solution.height_m, p.raster.domain, p.raster.g_m, solution.crease_m)
     rest = layers(p, solution)

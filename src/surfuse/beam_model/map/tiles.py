@@ -11,7 +11,7 @@ from surfuse.beam_model.map.layers import layers
 from surfuse.beam_model.prior.raster import Raster, slopes
 from surfuse.beam_model.search.descent import Solution
 from surfuse.beam_model.search.edges import rivals
-from surfuse.beam_model.search.estimation import Problem
+from surfuse.beam_model.search.estimation import Estimation
 from surfuse.records import BoolArray, ByteArray, FloatArray, IntArray
 
 LARGEST_CELLS = 1700
@@ -30,7 +30,7 @@ class Tile:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class RasterLayers:
     """The layers of a solution over one raster, all (R, C); `known` marks the cells that have a value."""
 
     raster: Raster
@@ -51,14 +51,14 @@ LAYERS = (
 )  # fmt: skip
 
 
-def blank(raster: Raster) -> Sheet:
+def blank(raster: Raster) -> RasterLayers:
     """A sheet without a value."""
     zero = np.zeros(raster.shape)
     whole, small = zero.astype(np.int64), zero.astype(np.uint8)
-    return Sheet(raster, zero, zero, zero, zero, zero, whole, small, zero > 1.0, zero * np.nan, zero)
+    return RasterLayers(raster, zero, zero, zero, zero, zero, whole, small, zero > 1.0, zero * np.nan, zero)
 
 
-def sheet_of(p: Problem, solution: Solution, doubt_m: FloatArray | None = None) -> Sheet:
+def sheet_of(p: Estimation, solution: Solution, doubt_m: FloatArray | None = None) -> RasterLayers:
     """All layers of a solution; `doubt_m` (R, C) says how far other explanations are from it."""
     su, sv, _, _, _ = slopes(solution.height_m, p.raster.domain, p.raster.g_m, solution.crease_m)
     rest = layers(p, solution, doubt_m)
@@ -66,7 +66,7 @@ def sheet_of(p: Problem, solution: Solution, doubt_m: FloatArray | None = None) 
     # The cell may belong to the other surface: the error would then be the whole step.
     across = np.where(np.isfinite(second), weight * (second - solution.height_m) ** 2, 0.0)
     sigma = np.sqrt(rest.sigma_m**2 + across)
-    return Sheet(
+    return RasterLayers(
         p.raster, solution.height_m, su, sv, sigma, rest.confidence, rest.count, rest.regime, p.raster.domain,
         second, weight,
     )  # fmt: skip
@@ -95,7 +95,7 @@ def _cuts(length: int, parts: int) -> list[tuple[int, int]]:
     return [(k * length // parts, (k + 1) * length // parts) for k in range(parts)]
 
 
-def pasted(sheet: Sheet, piece: Sheet, tile: Tile) -> Sheet:
+def pasted(sheet: RasterLayers, piece: RasterLayers, tile: Tile) -> RasterLayers:
     """The sheet with the kept cells of one tile's sheet in their place."""
     if piece.raster.shape == sheet.raster.shape:
         return piece

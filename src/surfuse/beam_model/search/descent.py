@@ -8,7 +8,7 @@ import numpy as np
 
 from surfuse.beam_model.prior.band_matrix import factor, log_determinant, solve
 from surfuse.beam_model.prior.smoothness import Stiffness
-from surfuse.beam_model.search.estimation import Arrivals, Problem, arrivals, misfit, pulls
+from surfuse.beam_model.search.estimation import Arrivals, Estimation, arrivals, misfit, pulls
 from surfuse.beam_model.search.unheld_pieces import reattached
 from surfuse.records import FloatArray
 
@@ -31,18 +31,18 @@ class Solution:
     start: str
 
 
-def crease(p: Problem, stiffness: Stiffness) -> float:
+def crease(p: Estimation, stiffness: Stiffness) -> float:
     """Bend (m) between cells beyond which the prior calls it an edge."""
     return float(np.clip(np.sqrt(2.0 * 8.0 * stiffness.second) * p.raster.g_m, 0.0015, 0.004))
 
 
-def objective(p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness, temper_m: float) -> float:
+def objective(p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Stiffness, temper_m: float) -> float:
     """Minus log posterior of a surface, up to a constant."""
     return float(np.sum(misfit(p, heard, temper_m))) + p.plate.energy(height, stiffness)
 
 
 def descend(
-    p: Problem, height: FloatArray, stiffness: Stiffness, crease_m: float, tempers_m: tuple[float, ...]
+    p: Estimation, height: FloatArray, stiffness: Stiffness, crease_m: float, tempers_m: tuple[float, ...]
 ) -> tuple[FloatArray, Arrivals]:
     """Gauss-Newton with backtracking; each step solves the linearised problem and keeps what lowers the objective."""
     heard = arrivals(p, height, crease_m)
@@ -64,7 +64,9 @@ def descend(
     return height, heard
 
 
-def newton_goal(p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness, temper_m: float) -> FloatArray:
+def newton_goal(
+    p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Stiffness, temper_m: float
+) -> FloatArray:
     """Minimum (R, C) of the objective linearised at a surface."""
     data, target = pulls(p, heard, height, temper_m)
     band = p.plate.precision(height, stiffness, LOOSE_M**-2)
@@ -72,7 +74,7 @@ def newton_goal(p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stif
     return p.plate.field(solve(factor(band), p.plate.vector(data * target + height * LOOSE_M**-2)))
 
 
-def evidence(p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness) -> float:
+def evidence(p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Stiffness) -> float:
     """Minus log evidence: objective plus half the log ratio of posterior and prior precision."""
     prior = p.plate.precision(height, stiffness, LOOSE_M**-2)
     posterior = prior.copy()
@@ -81,7 +83,7 @@ def evidence(p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffne
     return objective(p, height, heard, stiffness, 0.0) + volume
 
 
-def find(p: Problem, start: FloatArray, name: str, stiffness: Stiffness, tempers_m: tuple[float, ...]) -> Solution:
+def find(p: Estimation, start: FloatArray, name: str, stiffness: Stiffness, tempers_m: tuple[float, ...]) -> Solution:
     """Descend from a start and score what is found."""
     width = crease(p, stiffness)
     height, heard = descend(p, start, stiffness, width, tempers_m)

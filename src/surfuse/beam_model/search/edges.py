@@ -7,7 +7,7 @@ import numpy as np
 from surfuse.beam_model.prior.raster import slopes
 from surfuse.beam_model.prior.smoothness import Stiffness
 from surfuse.beam_model.search.descent import descend, objective
-from surfuse.beam_model.search.estimation import Arrivals, Problem, arrivals, misfit, reach
+from surfuse.beam_model.search.estimation import Arrivals, Estimation, arrivals, misfit, reach
 from surfuse.beam_model.search.unheld_pieces import laid_onto, pieces
 from surfuse.records import BoolArray, FloatArray, IntArray
 
@@ -53,7 +53,7 @@ def candidates(number: IntArray) -> list[int]:
 
 
 def merge_small(
-    p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float
+    p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float
 ) -> tuple[FloatArray, Arrivals]:
     """Lay small pieces onto their surroundings wherever the readings do not pay for the edge around them."""
     r = p.raster
@@ -71,7 +71,7 @@ def merge_small(
 
 
 def settle(
-    p: Problem, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float,
+    p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float,
     steps: tuple[int, ...] = REACH,
 ) -> tuple[FloatArray, Arrivals]:  # fmt: skip
     """Take the best move of all pieces and directions, settle the heights, and repeat while it helps."""
@@ -96,7 +96,7 @@ def settle(
     return height, heard
 
 
-def rivals(p: Problem, height: FloatArray, stiffness: Stiffness, crease_m: float) -> tuple[FloatArray, FloatArray]:
+def rivals(p: Estimation, height: FloatArray, stiffness: Stiffness, crease_m: float) -> tuple[FloatArray, FloatArray]:
     """Second surface beside each edge (R, C; nan: none) and its probability, cell by cell.
 
     The cell is put on the piece across the edge; the change of the objective, tempered, gives the odds of the two.

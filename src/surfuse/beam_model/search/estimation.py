@@ -47,7 +47,7 @@ class Arrivals:
 
 
 @dataclass(frozen=True)
-class Problem:
+class Estimation:
     """Stations and raster; `level` (M,) logarithm of amplitude over threshold, nan where unknown.
 
     `weight` (M,) is the share of its information that a station is given: less where its axis misses the part, because
@@ -66,7 +66,7 @@ class Problem:
     surfels: Surfels
 
 
-def problem(stations: Stations, tables: tuple[BeamTable, ...], raster: Raster, spacing_m: float) -> Problem:
+def problem(stations: Stations, tables: tuple[BeamTable, ...], raster: Raster, spacing_m: float) -> Estimation:
     """Put a problem together."""
     threshold = np.array([table.threshold for table in tables])[stations.spec]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -77,7 +77,7 @@ def problem(stations: Stations, tables: tuple[BeamTable, ...], raster: Raster, s
     weight = np.where(raster.holds(middle), 1.0, OFF_PART) / np.where(
         surfels.coherent, 1.0, crowd(stations, tables, spacing_m)
     )
-    return Problem(stations, tables, raster, plate(raster.domain, raster.g_m), spacing_m, level, weight, surfels)
+    return Estimation(stations, tables, raster, plate(raster.domain, raster.g_m), spacing_m, level, weight, surfels)
 
 
 def crowd(stations: Stations, tables: tuple[BeamTable, ...], spacing_m: float) -> FloatArray:
@@ -92,7 +92,7 @@ def reach(table: BeamTable) -> float:
     return float(np.tan(min(OFF_AXIS[audible[-1]] if len(audible) else 0.0, 1.6 * table.half_angle_rad)))
 
 
-def arrivals(p: Problem, height: FloatArray, crease_m: float, only: BoolArray | None = None) -> Arrivals:
+def arrivals(p: Estimation, height: FloatArray, crease_m: float, only: BoolArray | None = None) -> Arrivals:
     """First arrivals at all stations, or at those marked by `only`, over a surface (R, C).
 
     A drop of more than `crease_m` between cells is a rim.
@@ -114,7 +114,7 @@ def arrivals(p: Problem, height: FloatArray, crease_m: float, only: BoolArray | 
     return Arrivals(out[:, 0], out[:, 1], out[:, 2], cell[:, 0], cell[:, 1], cell[:, 2])
 
 
-def free_space(p: Problem, trusted: IntArray) -> FloatArray:
+def free_space(p: Estimation, trusted: IntArray) -> FloatArray:
     """Height (R, C) above which a cell would have been heard by at least two of the trusted stations (inf: none)."""
     s, r = p.stations, p.raster
     lowest = np.full((*r.shape, 2), np.inf)
@@ -128,20 +128,20 @@ def free_space(p: Problem, trusted: IntArray) -> FloatArray:
     return np.where(np.isfinite(lowest[..., 1]), lowest[..., 1], lowest[..., 0])
 
 
-def deviation(p: Problem, heard: Arrivals, temper_m: float) -> FloatArray:
+def deviation(p: Estimation, heard: Arrivals, temper_m: float) -> FloatArray:
     """Standard deviation (M,) of the residuals: timing, model, temper."""
     model = np.where(heard.kind == MIRROR, MODEL_ERROR_M, 0.0)
     variance = p.stations.sigma_m**2 + model**2 + heard.scatter_m**2 + temper_m**2
     return np.asarray(np.sqrt(variance), dtype=np.float64)
 
 
-def residuals(p: Problem, heard: Arrivals) -> tuple[FloatArray, FloatArray]:
+def residuals(p: Estimation, heard: Arrivals) -> tuple[FloatArray, FloatArray]:
     """Measured minus predicted range (M,), 0 where nothing is predicted, and where something is (1.0 or 0.0)."""
     known = (heard.kind != NONE) & np.isfinite(heard.range_m)
     return np.where(known, p.stations.range_m - np.where(known, heard.range_m, 0.0), 0.0), known.astype(np.float64)
 
 
-def misfit(p: Problem, heard: Arrivals, temper_m: float) -> FloatArray:
+def misfit(p: Estimation, heard: Arrivals, temper_m: float) -> FloatArray:
     """Minus log likelihood (M,) with heavy tails; a reading that nothing explains costs as much as a gross outlier."""
     sigma = deviation(p, heard, temper_m)
     e, known = residuals(p, heard)
@@ -149,7 +149,7 @@ def misfit(p: Problem, heard: Arrivals, temper_m: float) -> FloatArray:
     return np.asarray(p.weight * (0.5 * TAIL * np.log1p(x / TAIL) + np.log(sigma / (3.0 * MODEL_ERROR_M))))
 
 
-def pulls(p: Problem, heard: Arrivals, height: FloatArray, temper_m: float) -> tuple[FloatArray, FloatArray]:
+def pulls(p: Estimation, heard: Arrivals, height: FloatArray, temper_m: float) -> tuple[FloatArray, FloatArray]:
     """Weights and target heights by cell (R, C): the linearised, robustly weighted observations."""
     sigma = deviation(p, heard, temper_m)
     e, known = residuals(p, heard)

@@ -12,7 +12,7 @@ from surfuse.beam_model.prior.raster import Raster, slopes
 from surfuse.beam_model.prior.smoothness import Stiffness
 from surfuse.beam_model.search.descent import Solution, descend, evidence, find
 from surfuse.beam_model.search.edges import settle
-from surfuse.beam_model.search.estimation import Problem, arrivals
+from surfuse.beam_model.search.estimation import Estimation, arrivals
 from surfuse.beam_model.search.first_surfaces import nearest_allowed, plane, quadric, speckle_shift, tilted
 from surfuse.beam_model.search.unheld_pieces import reattached
 from surfuse.records import BoolArray, FloatArray
@@ -30,7 +30,7 @@ BENT = (0.002,) * 3 + (0.0005,) * 2 + (0.0,) * 5
 ANNEALED = (0.005,) * 4 + (0.002,) * 3 + (0.0005,) * 2 + (0.0,) * 4
 
 
-def surfels_of(p: Problem) -> Surfels:
+def surfels_of(p: Estimation) -> Surfels:
     """Oriented points of all stations."""
     return p.surfels
 
@@ -53,7 +53,7 @@ FULL = Effort()
 LEAN = Effort((FLAT, PLAIN, FREE), (FLAT,), (WAVY,), (FLAT,), 1, (), False)
 
 
-def explore(p: Problem, edge: float, effort: Effort = FULL) -> list[Solution]:
+def explore(p: Estimation, edge: float, effort: Effort = FULL) -> list[Solution]:
     """Every prior from its starts, the most probable first; the edges of the best are moved."""
     blurred = p.stations.position_m + p.stations.axis * (p.stations.range_m - speckle_shift(p))[:, None]
     near = nearest_allowed(p, p.surfels)
@@ -79,7 +79,7 @@ def explore(p: Problem, edge: float, effort: Effort = FULL) -> list[Solution]:
     return [with_settled_edges(p, found[0]), *found[1:]]
 
 
-def with_settled_edges(p: Problem, solution: Solution) -> Solution:
+def with_settled_edges(p: Estimation, solution: Solution) -> Solution:
     """The same explanation after its edges have moved to where the readings want them."""
     height, heard = settle(p, solution.height_m, solution.heard, solution.stiffness, solution.crease_m)
     if height is solution.height_m:
@@ -88,14 +88,14 @@ def with_settled_edges(p: Problem, solution: Solution) -> Solution:
     return replace(solution, height_m=height, heard=heard, score=score) if score < solution.score else solution
 
 
-def completed(p: Problem, best: Solution, effort: Effort) -> Solution:
+def completed(p: Estimation, best: Solution, effort: Effort) -> Solution:
     """The explanation settled on all stations of its raster, those that were held out of the search among them."""
     height, heard = descend(p, best.height_m, best.stiffness, best.crease_m, (0.0,) * 2)
     whole = replace(best, height_m=height, heard=heard, score=evidence(p, height, heard, best.stiffness))
     return with_settled_edges(p, whole) if effort.settled else whole
 
 
-def finer(coarse: Problem, solution: Solution, raster: Raster) -> FloatArray:
+def finer(coarse: Estimation, solution: Solution, raster: Raster) -> FloatArray:
     """The solution on a finer raster: each new cell on the facet of the old cell that contains it."""
     r = coarse.raster
     su, sv, _, _, _ = slopes(solution.height_m, r.domain, r.g_m, solution.crease_m)
@@ -128,7 +128,7 @@ def breaks(height: FloatArray, crease_m: float) -> BoolArray:
     return bent
 
 
-def refine(coarse: Problem, fine: Problem, best: Solution) -> Solution:
+def refine(coarse: Estimation, fine: Estimation, best: Solution) -> Solution:
     """The best explanation on the finer raster; an edge of the same length breaks twice as many differences there.
 
     In speckle a soft prior that won on the coarse raster may follow the grain on the finer one: stiffer ones compete.

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from surfuse.beam_model.echo.arrivals import RIM
 from surfuse.beam_model.echo.detector import LEVELS
 from surfuse.beam_model.heard.wavefronts import Surfels
-from surfuse.beam_model.search.estimation import OFF_PART, TYPICAL, Problem, arrivals, free_space, misfit, residuals
+from surfuse.beam_model.search.estimation import OFF_PART, TYPICAL, Estimation, arrivals, free_space, misfit, residuals
 from surfuse.records import FloatArray, IntArray
 
 CLEAR_ECHO = float(np.log(10.0))
@@ -26,7 +26,7 @@ PLANE_TEMPER_M = 0.002
 PLANE_CREASE_M = 0.004
 
 
-def plane(p: Problem, points_m: FloatArray) -> FloatArray:
+def plane(p: Estimation, points_m: FloatArray) -> FloatArray:
     """Plane (R, C) through points (M, 3) by iterated Cauchy weights; constant when they do not span a plane."""
     u, v = p.raster.nodes()
     uu, vv = np.meshgrid(u, v)
@@ -48,7 +48,7 @@ def plane(p: Problem, points_m: FloatArray) -> FloatArray:
     return np.asarray(fit[0] * (uu - centre[0]) + fit[1] * (vv - centre[1]) + fit[2], dtype=np.float64)
 
 
-def tilted(p: Problem, guess: FloatArray) -> FloatArray:
+def tilted(p: Estimation, guess: FloatArray) -> FloatArray:
     """Best of many planes (R, C) by the likelihood of all readings, starting at a guess (R, C).
 
     Beyond the main lobe every reading is off by an amount that depends on the tilt itself, so a plane through points
@@ -88,7 +88,7 @@ def tilted(p: Problem, guess: FloatArray) -> FloatArray:
     return np.asarray(best[0] * (uu - uc) + best[1] * (vv - vc) + level, dtype=np.float64)
 
 
-def thinned(p: Problem, most: int) -> Problem:
+def thinned(p: Estimation, most: int) -> Estimation:
     """The problem with at most so many stations, evenly taken."""
     stride = -(-len(p.stations) // most)
     if stride <= 1:
@@ -97,7 +97,7 @@ def thinned(p: Problem, most: int) -> Problem:
     return replace(p, stations=p.stations.select(keep), level=p.level[keep], weight=p.weight[keep])
 
 
-def quadric(p: Problem, points_m: FloatArray) -> FloatArray:
+def quadric(p: Estimation, points_m: FloatArray) -> FloatArray:
     """Best of many quadrics (R, C) by the likelihood of all readings; a plane is fitted to each curvature."""
     u, v = p.raster.nodes()
     uu, vv = np.meshgrid(u, v)
@@ -129,7 +129,7 @@ def quadric(p: Problem, points_m: FloatArray) -> FloatArray:
     return bowl(*best)
 
 
-def speckle_shift(p: Problem) -> FloatArray:
+def speckle_shift(p: Estimation) -> FloatArray:
     """Late arrival (M,) of speckle at a typical tilt, by amplitude where it is known."""
     shift = np.zeros(len(p.stations))
     for k, table in enumerate(p.tables):
@@ -139,13 +139,13 @@ def speckle_shift(p: Problem) -> FloatArray:
     return shift
 
 
-def trusted(p: Problem, surfels: Surfels) -> IntArray:
+def trusted(p: Estimation, surfels: Surfels) -> IntArray:
     """Stations that may carve: on a wavefront with their neighbours, or with an echo too strong for speckle."""
     strong = np.nan_to_num(p.level, nan=-np.inf) > CLEAR_ECHO
     return np.flatnonzero(surfels.coherent | strong)
 
 
-def nearest_allowed(p: Problem, surfels: Surfels) -> FloatArray:
+def nearest_allowed(p: Estimation, surfels: Surfels) -> FloatArray:
     """Each cell (R, C) takes the height of the nearest oriented point whose plane free space does not forbid there."""
     s, r = p.stations, p.raster
     bound = free_space(p, trusted(p, surfels))[r.domain]

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from surfuse.beam_model.echo.arrivals import MIRROR, SPECKLE
 from surfuse.beam_model.prior.raster import slopes
-from surfuse.beam_model.search.estimation import Arrivals, Problem
+from surfuse.beam_model.search.estimation import Arrivals, Estimation
 from surfuse.records import BoolArray, FloatArray, IntArray
 
 SMALLEST_PIECE_M = 0.021
@@ -36,7 +36,7 @@ def pieces(height: FloatArray, domain: BoolArray, g_m: float, crease_m: float) -
     return np.where(domain, number.reshape(height.shape), -1)
 
 
-def reattached(p: Problem, height: FloatArray, heard: Arrivals, crease_m: float) -> FloatArray:
+def reattached(p: Estimation, height: FloatArray, heard: Arrivals, crease_m: float) -> FloatArray:
     """The surface (R, C) with every piece that no echo of its own holds laid onto the nearest held facet."""
     r = p.raster
     number = pieces(height, r.domain, r.g_m, crease_m)

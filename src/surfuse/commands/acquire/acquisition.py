@@ -19,8 +19,8 @@ from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.errors import DataError, DeviceError, InterruptError, SafetyStopError, StorageError
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FusionScene, ScanPlan, Sweep
-from surfuse.rig.devices import Cell
-from surfuse.rig.simulated.assembly import build_cell
+from surfuse.rig.devices import Rig
+from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.runs.configuration import read_configuration, write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
@@ -39,11 +39,11 @@ def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
     began = time.perf_counter()
     settings = _from_anywhere(settings)
     finder(settings)  # an unknown threshold is refused before anything is written
-    method, cell = create_method(settings.fusion), build_cell(settings)
+    method, rig = create_method(settings.fusion), simulated_rig(settings)
     run = RunFolder.create(out or default_folder(settings.scene.name))
     with run.lock(), _resumable(run):
         write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
-        return outcome_of(_acquire(run, settings, cell, method, watcher), run, began)
+        return outcome_of(_acquire(run, settings, rig, method, watcher), run, began)
 
 
 def resume(path: Path, watcher: Watcher) -> Outcome:
@@ -68,9 +68,9 @@ def resume(path: Path, watcher: Watcher) -> Outcome:
     settings = from_tree({**tables, "seed": seed}, str(run.configuration))
     if all(file.is_file() for file in (run.surface, run.summary, run.report)):
         return _complete(run)
-    method, cell = create_method(settings.fusion), build_cell(settings)
+    method, rig = create_method(settings.fusion), simulated_rig(settings)
     with run.lock(), _resumable(run):
-        return outcome_of(_acquire(run, settings, cell, method, watcher), run, began)
+        return outcome_of(_acquire(run, settings, rig, method, watcher), run, began)
 
 
 def _complete(run: RunFolder) -> Outcome:
@@ -99,13 +99,13 @@ def _resumable(run: RunFolder) -> Iterator[None]:
 
 
 @contextmanager
-def _noted(log: LogWriter, cell: Cell) -> Iterator[None]:
+def _noted(log: LogWriter, rig: Rig) -> Iterator[None]:
     """Write down in the log why the arm or a device stopped the scan."""
     try:
         yield
     except (SafetyStopError, DeviceError) as error:
         name = "safety stop" if isinstance(error, SafetyStopError) else "device"
-        log.append_event(LogEvent(cell.clock.now_s(), Level.ERROR, name, error.what))
+        log.append_event(LogEvent(rig.clock.now_s(), Level.ERROR, name, error.what))
         raise
 
 
@@ -118,44 +118,44 @@ def _from_anywhere(settings: Settings) -> Settings:
     return settings.model_copy(update=changed)
 
 
-def _acquire(run: RunFolder, settings: Settings, cell: Cell, method: FusionMethod, watcher: Watcher) -> Finished:
-    for warning in cell.warnings:
+def _acquire(run: RunFolder, settings: Settings, rig: Rig, method: FusionMethod, watcher: Watcher) -> Finished:
+    for warning in rig.warnings:
         watcher.warn(warning)
     # Read before the writer opens: opening gives a killed segment its missing end.
     progress = read_progress(run.path)
-    with warm_up_beside(method.name) as warm_up, cell.opened(), LogWriter(run.log) as log:
-        scene, plan, done = _begin(progress, settings, cell, log, watcher)
-        bring = partial(go_to_start, cell, settings, plan.outline, plan)
-        with _noted(log, cell):
+    with warm_up_beside(method.name) as warm_up, rig.opened(), LogWriter(run.log) as log:
+        scene, plan, done = _begin(progress, settings, rig, log, watcher)
+        bring = partial(go_to_start, rig, settings, plan.outline, plan)
+        with _noted(log, rig):
             state, sweeps, finished = walk(
-                cell, plan, scene, method, done, log, watcher, bring, smooth_walk(cell, settings)
+                rig, plan, scene, method, done, log, watcher, bring, smooth_walk(rig, settings)
             )
-        if (trouble := bus_event(cell)) is not None:
+        if (trouble := bus_event(rig)) is not None:
             log.append_event(trouble)
         if warm_up is not None and finished:
             watcher.stage("compile, once")
             warm_up.wait()
-    return finish(run, settings, method, state, scene, plan, sweeps, cell, watcher, complete=finished)
+    return finish(run, settings, method, state, scene, plan, sweeps, rig, watcher, complete=finished)
 
 
 def _begin(
-    progress: ScanProgress | None, settings: Settings, cell: Cell, log: LogWriter, watcher: Watcher
+    progress: ScanProgress | None, settings: Settings, rig: Rig, log: LogWriter, watcher: Watcher
 ) -> tuple[FusionScene, ScanPlan, tuple[Sweep, ...]]:
     """Scene, plan and what is scanned already: from the log of an interrupted run, else by looking."""
     if progress is not None:
         log.append_scene(progress.scene)
         log.append_plan(progress.plan)
         if progress.done:
-            cell.clock.advance(max(float(sweep.t_s.max()) for sweep in progress.done))
-        log.append_event(LogEvent(cell.clock.now_s(), Level.INFO, "resume", f"{len(progress.left)} stops are left"))
+            rig.clock.advance(max(float(sweep.t_s.max()) for sweep in progress.done))
+        log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, "resume", f"{len(progress.left)} stops are left"))
         return progress.scene, progress.plan, progress.done
-    part = locate(cell, settings, watcher)
-    plan = plan_for(cell, settings, part.outline, watcher)
-    scene = scene_of(cell, settings, part.outline, plan)
+    part = locate(rig, settings, watcher)
+    plan = plan_for(rig, settings, part.outline, watcher)
+    scene = scene_of(rig, settings, part.outline, plan)
     log.append_scene(scene)
     for found in part.parts:
         log.append_frame(found.frame)
-    log.append_event(LogEvent(cell.clock.now_s(), Level.INFO, "search", f"part found after {part.pictures} pictures"))
+    log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, "search", f"part found after {part.pictures} pictures"))
     log.append_plan(plan)
     return scene, plan, ()
 

@@ -12,7 +12,7 @@ from surfuse.acquire.search import FoundPart, SearchParameters, SearchResult, se
 from surfuse.commands.outcome import Watcher
 from surfuse.errors import DataError
 from surfuse.records import CameraFrame, Detection, Outline, Status
-from surfuse.rig.devices import Cell, world_from_shoulder
+from surfuse.rig.devices import Rig, world_from_shoulder
 from surfuse.settings import Settings
 from surfuse.vision.distance import ShoulderRange
 from surfuse.vision.dominant_points import DominantPointParameters
@@ -53,7 +53,7 @@ def finder(settings: Settings) -> Callable[[CameraFrame], tuple[Detection, ...]]
     return lambda frame: find_parts(frame, parameters, ring)
 
 
-def locate(cell: Cell, settings: Settings, watcher: Watcher) -> LocatedPart:
+def locate(rig: Rig, settings: Settings, watcher: Watcher) -> LocatedPart:
     """Search, centre, threshold, dominant points, scale (paper, section 3.1).
 
     Raises
@@ -61,18 +61,18 @@ def locate(cell: Cell, settings: Settings, watcher: Watcher) -> LocatedPart:
     DataError : no part was seen in a whole turn, or fewer than the one that is asked for.
     """
     # Beyond half a turn each way the camera would see the same again.
-    lower = max(float(cell.arm.kinematics.lower_rad[0]), -np.pi)
-    upper = min(float(cell.arm.kinematics.upper_rad[0]), np.pi)
+    lower = max(float(rig.arm.kinematics.lower_rad[0]), -np.pi)
+    upper = min(float(rig.arm.kinematics.upper_rad[0]), np.pi)
     increment = np.radians(settings.search.increment_deg)
     watcher.stage("search", int((upper - lower) / increment) + 1)
     pictures = 0
 
     def capture(joint1_rad: float) -> CameraFrame:
         nonlocal pictures
-        cell.begin(SEARCH, pictures)
+        rig.begin(SEARCH, pictures)
         pictures += 1
         watcher.advance()
-        return cell.look(joint1_rad)
+        return rig.look(joint1_rad)
 
     every = settings.search.all_parts or settings.search.part > 1
     turn = SearchParameters(increment_rad=float(increment), all_parts=every)
@@ -82,7 +82,7 @@ def locate(cell: Cell, settings: Settings, watcher: Watcher) -> LocatedPart:
         watcher.warn(f"{len(found.parts)} parts found: {_told(found.parts)}; part {settings.search.part} is scanned")
     if found.visited_rad[-1] != chosen.angle_rad:
         capture(chosen.angle_rad)  # the ranger sits beside the camera: it must look at this part again
-    return _outlined(cell, settings, chosen, pictures, found.parts)
+    return _outlined(rig, settings, chosen, pictures, found.parts)
 
 
 def _wanted(found: SearchResult, number: int) -> FoundPart:
@@ -114,13 +114,13 @@ def _degrees(angle_rad: float) -> str:
 
 
 def _outlined(
-    cell: Cell, settings: Settings, part: FoundPart, pictures: int, parts: tuple[FoundPart, ...]
+    rig: Rig, settings: Settings, part: FoundPart, pictures: int, parts: tuple[FoundPart, ...]
 ) -> LocatedPart:
     """Range of the centred part, dominant points, pixels to metres."""
-    cell.begin(RANGE, 0)
-    echo = cell.ranger.fire()
-    place = world_from_shoulder(part.angle_rad) @ cell.shoulder_from_ranger
-    ranged = ShoulderRange(place[:3, 3], place[:3, 2], echo.range_m, cell.ranger.spec.sigma_m)
+    rig.begin(RANGE, 0)
+    echo = rig.ranger.fire()
+    place = world_from_shoulder(part.angle_rad) @ rig.shoulder_from_ranger
+    ranged = ShoulderRange(place[:3, 3], place[:3, 2], echo.range_m, rig.ranger.spec.sigma_m)
     outlined = outline_part(
         part.frame,
         part.detection,

@@ -21,7 +21,7 @@ from surfuse.plan.approach import approach
 from surfuse.plan.reach import ReachParameters
 from surfuse.plan.scan_plan import PlanParameters, scan_plan, skipped_by_kind
 from surfuse.records import FusionScene, JointSamples, Outline, ScanPlan, Sweep
-from surfuse.rig.devices import Cell
+from surfuse.rig.devices import Rig
 from surfuse.runs.log_writer import LogWriter
 from surfuse.settings import Settings
 
@@ -29,7 +29,7 @@ STOP = "stop"
 _SWEEP_SHARE = 0.95  # of the time between two stops that a sweep may take: triggers are never quite on time
 
 
-def plan_for(cell: Cell, settings: Settings, outline: Outline, watcher: Watcher) -> ScanPlan:
+def plan_for(rig: Rig, settings: Settings, outline: Outline, watcher: Watcher) -> ScanPlan:
     """Margin, raster, reach and clearance of every stop, before the arm moves.
 
     Raises
@@ -38,30 +38,30 @@ def plan_for(cell: Cell, settings: Settings, outline: Outline, watcher: Watcher)
     """
     watcher.stage("plan")
     parameters = PlanParameters(settings.step_m, settings.scan.standoff_m, settings.scan.margin_m)
-    check = cell.clearance(_obstacles(settings, outline))
-    start = cell.arm.joint_state().position_rad
+    check = rig.clearance(_obstacles(settings, outline))
+    start = rig.arm.joint_state().position_rad
     limits = ReachParameters(clearance_min_m=settings.arm.clearance_m)
-    plan = scan_plan(outline, cell.arm.kinematics, start, check, parameters, limits)
+    plan = scan_plan(outline, rig.arm.kinematics, start, check, parameters, limits)
     if len(plan) == 0:
         reasons = "; ".join(f"{count} {kind}" for kind, count in skipped_by_kind(plan)) or "the outline is empty"
         raise DataError(
             f"not one of {len(plan.skipped)} stops can be visited ({reasons})",
-            cure=_how_to_move(plan, cell, settings)
+            cure=_how_to_move(plan, rig, settings)
             or "move the part (scene.radius_m, scene.azimuth_deg) or change scan.standoff_m",
         )
     for kind, count in skipped_by_kind(plan):
         where = "" if kind == BELOW else f" ({where_and_why(plan.skipped, kind)})"
         watcher.warn(f"{count} of {count + len(plan)} stops are left out: {kind}{where}")
-    if any(kind != BELOW for kind, _ in skipped_by_kind(plan)) and (advice := _how_to_move(plan, cell, settings)):
+    if any(kind != BELOW for kind, _ in skipped_by_kind(plan)) and (advice := _how_to_move(plan, rig, settings)):
         watcher.warn(f"to reach all stops {advice}")
     return plan
 
 
-def _how_to_move(plan: ScanPlan, cell: Cell, settings: Settings) -> str:
+def _how_to_move(plan: ScanPlan, rig: Rig, settings: Settings) -> str:
     """Where the arm would reach the whole part; empty where no such place is near."""
-    here, limits = cell.arm.joint_state().position_rad, ReachParameters(clearance_min_m=settings.arm.clearance_m)
+    here, limits = rig.arm.joint_state().position_rad, ReachParameters(clearance_min_m=settings.arm.clearance_m)
     move = way_to_move(
-        plan, cell.arm.kinematics, here, lambda outline: cell.clearance(_obstacles(settings, outline)), limits
+        plan, rig.arm.kinematics, here, lambda outline: rig.clearance(_obstacles(settings, outline)), limits
     )
     if move is None:
         return ""
@@ -79,7 +79,7 @@ def _obstacles(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]:
     return Floor(), ring, part_box(outline)
 
 
-def go_to_start(cell: Cell, settings: Settings, outline: Outline, plan: ScanPlan, stop: int) -> None:
+def go_to_start(rig: Rig, settings: Settings, outline: Outline, plan: ScanPlan, stop: int) -> None:
     """Bring the arm clear of everything to the stop before the one at which the scan begins, or goes on.
 
     From there the move to that stop is the one of an unbroken scan, so that what is measured is the same. Before the
@@ -92,17 +92,17 @@ def go_to_start(cell: Cell, settings: Settings, outline: Outline, plan: ScanPlan
     if stop >= len(plan):
         return
     around = _obstacles(settings, outline)
-    cell.surround(around)
-    check = cell.clearance(around)
-    here, least_m = cell.arm.joint_state().position_rad, settings.arm.clearance_m
-    for joints in approach(here, plan.joints_rad[max(stop - 1, 0)], cell.arm.kinematics, check, least_m):
-        cell.arm.move_to(joints)
+    rig.surround(around)
+    check = rig.clearance(around)
+    here, least_m = rig.arm.joint_state().position_rad, settings.arm.clearance_m
+    for joints in approach(here, plan.joints_rad[max(stop - 1, 0)], rig.arm.kinematics, check, least_m):
+        rig.arm.move_to(joints)
 
 
-def scene_of(cell: Cell, settings: Settings, outline: Outline, plan: ScanPlan) -> FusionScene:
+def scene_of(rig: Rig, settings: Settings, outline: Outline, plan: ScanPlan) -> FusionScene:
     """What fusion knows: sensors, part frame, the outline as seen, and the table's outer edge as the deepest range."""
     return FusionScene(
-        specs=cell.specs,
+        specs=rig.specs,
         world_from_part=outline.world_from_part,
         outline=replace(outline, margin_m=0.0),
         depth_max_m=_to_outer_edge(plan, settings.cell.table_outer_radius_m),
@@ -125,7 +125,7 @@ class SmoothWalk(NamedTuple):
     when: SmoothParameters
 
 
-def smooth_walk(cell: Cell, settings: Settings) -> SmoothWalk | None:
+def smooth_walk(rig: Rig, settings: Settings) -> SmoothWalk | None:
     """How the arm runs along the lines with these settings; None when it shall stop at every stop.
 
     Raises
@@ -134,19 +134,19 @@ def smooth_walk(cell: Cell, settings: Settings) -> SmoothWalk | None:
     """
     if settings.scan.mode == "stops":
         return None
-    if cell.smooth is None:
+    if rig.smooth is None:
         raise ConfigError("scan.mode = 'smooth', but this arm has no driver for it", cure="set scan.mode = 'stops'")
     together = settings.array.trigger == "simultaneous"
-    firing_s = [spec.firing_time_s for spec in cell.specs]
+    firing_s = [spec.firing_time_s for spec in rig.specs]
     sweep_s = max(firing_s) if together else sum(firing_s)
     speed = settings.scan.speed_m_s or _SWEEP_SHARE * settings.step_m / sweep_s
     reading_s = 0.5 * firing_s[0] * (settings.pings - 1) / settings.pings
     lead_s = reading_s + (0.0 if together else 0.5 * (sweep_s - firing_s[-1]))
-    return SmoothWalk(cell.smooth.arm, cell.smooth.planner(speed), SmoothParameters(lead_s, reading_s))
+    return SmoothWalk(rig.smooth.arm, rig.smooth.planner(speed), SmoothParameters(lead_s, reading_s))
 
 
 def walk(
-    cell: Cell,
+    rig: Rig,
     plan: ScanPlan,
     scene: FusionScene,
     method: FusionMethod,
@@ -179,16 +179,16 @@ def walk(
             fused += 1
 
     def begin(stop: int) -> None:
-        cell.begin(STOP, stop)
+        rig.begin(STOP, stop)
 
     def visit(first: int, last: int) -> None:
         bring(first)
         part = replace_stops(plan, last)
-        scan(part, cell.arm, cell.array, keep, begin, first, watcher.stop_requested)
+        scan(part, rig.arm, rig.array, keep, begin, first, watcher.stop_requested)
 
     if smooth is not None:
         arm, planner, when = smooth
-        smooth_scan(plan, arm, cell.array, planner, keep, begin, when, bring, sweeps, watcher.stop_requested)
+        smooth_scan(plan, arm, rig.array, planner, keep, begin, when, bring, sweeps, watcher.stop_requested)
     reached = len(plan) if smooth is not None else max(sweeps, default=-1) + 1
     for hole in range(reached):
         if hole not in sweeps and not watcher.stop_requested():

@@ -25,7 +25,7 @@ from surfuse.runs.scan_source import load_scan
 from surfuse.settings import Settings
 from surfuse.surface.score import score
 from surfuse.surface.splines import spline_surface
-from surfuse.surface.truth import read_mesh, truth_around
+from surfuse.surface.truth import read_truth_mesh, truth_around
 
 PAPER = "weighted_average"
 _DRAWN = (PAPER, f"{PAPER}+spline", "mean", "median", "own_axis_median", "kalman_plane", "carving", "beam")
@@ -107,7 +107,7 @@ def reproduce(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome
 def _compare(experiment: Experiment, path: Path, settings: Settings, watcher: Watcher) -> Compared:
     """All methods on the readings of one run."""
     scan, run = load_scan(path), RunFolder(path)
-    vertices, triangles = read_mesh(run.truth)
+    vertices, triangles = read_truth_mesh(run.truth)
     grid = grid_of(scan)
     truth = truth_around(vertices, triangles, grid)
     maps: dict[str, SurfaceMap] = {}

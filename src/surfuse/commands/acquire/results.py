@@ -17,7 +17,7 @@ from surfuse.exporters import nc
 from surfuse.interfaces import FusionMethod
 from surfuse.plan.margin import margin_in_words
 from surfuse.records import FusionScene, Gap, ScanPlan, SurfaceMap, Sweep
-from surfuse.rig.devices import Cell, Truth
+from surfuse.rig.devices import Rig, Truth
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
 from surfuse.settings import Settings
@@ -37,14 +37,14 @@ class Finished:
     complete: bool
 
 
-def bus_event(cell: Cell) -> LogEvent | None:
+def bus_event(rig: Rig) -> LogEvent | None:
     """What went wrong on the bus, for the log; None when nothing did, or there is no bus."""
-    counts = {} if cell.counters is None else asdict(cell.counters())
+    counts = {} if rig.counters is None else asdict(rig.counters())
     trouble = {name: count for name, count in counts.items() if count and name not in _HARMLESS}
     if not trouble:
         return None
     text = ", ".join(f"{name} {count}" for name, count in trouble.items())
-    return LogEvent(cell.clock.now_s(), Level.WARN, "bus", text)
+    return LogEvent(rig.clock.now_s(), Level.WARN, "bus", text)
 
 
 def finish(
@@ -55,7 +55,7 @@ def finish(
     scene: FusionScene,
     plan: ScanPlan,
     sweeps: list[Sweep],
-    cell: Cell,
+    rig: Rig,
     watcher: Watcher,
     *,
     complete: bool,
@@ -66,7 +66,7 @@ def finish(
     ------
     DataError : the scan is finished and everything is written, but not one cell of the map has a value.
     """
-    robot_s = cell.clock.now_s()
+    robot_s = rig.clock.now_s()
     data: dict[str, object] = {
         "surfuse": __version__,
         "scene": settings.scene.name,
@@ -79,7 +79,7 @@ def finish(
         "margin_mm": 1e3 * plan.outline.margin_m,
         "outline_sigma_mm": None if scene.outline is None else 1e3 * float(scene.outline.sigma_m.max()),
         "robot_time_s": robot_s,
-        "bus": None if cell.counters is None else asdict(cell.counters()),
+        "bus": None if rig.counters is None else asdict(rig.counters()),
     }
     if not complete:
         return Finished(data, [("stops done", f"{len(sweeps)} of {len(plan)}")], complete=False)
@@ -90,8 +90,8 @@ def finish(
     nc.write(run.surface, surface, overwrite=True, points=result.points)
     gaps = int((result.points.gap != int(Gap.NONE)).sum())
     rows = []
-    if cell.truth is not None:
-        rows = _score(run, surface, cell.truth, data)
+    if rig.truth is not None:
+        rows = _score(run, surface, rig.truth, data)
     data["gaps"] = gaps
     rows += [
         ("stops", f"{len(sweeps)} scanned, {len(plan.skipped)} left out"),

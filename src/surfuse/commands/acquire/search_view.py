@@ -9,7 +9,7 @@ import numpy as np
 from surfuse.commands.acquire.locating import finder
 from surfuse.errors import DataError
 from surfuse.records import CameraFrame, Detection, Outline
-from surfuse.report.content import FoundPart, MarkedLevel
+from surfuse.report.content import FoundPartView, MarkedLevel
 from surfuse.runs.log_records import RunLog
 from surfuse.settings import Settings
 from surfuse.vision.dominant_points import DominantPointParameters, dominant_points
@@ -19,7 +19,7 @@ from surfuse.vision.threshold import METHODS, histogram, threshold
 _SAME_PLACE_M = 1e-9
 
 
-def found_parts(log: RunLog, settings: Settings) -> tuple[FoundPart, ...]:
+def found_parts(log: RunLog, settings: Settings) -> tuple[FoundPartView, ...]:
     """Every part that a picture of the log was centred on, in the order of the pictures."""
     find = finder(settings)
     seen = [(frame, find(frame)) for frame in log.frames]
@@ -34,13 +34,13 @@ def _aside(frame: CameraFrame, detection: Detection) -> float:
     return abs(float(detection.centroid_px[0]) - frame.camera.cx_px)
 
 
-def _part(label: str, frame: CameraFrame, detection: Detection, log: RunLog, settings: Settings) -> FoundPart:
+def _part(label: str, frame: CameraFrame, detection: Detection, log: RunLog, settings: Settings) -> FoundPartView:
     aspect = frame.camera.fy_px / frame.camera.fx_px
     parameters = DominantPointParameters(tolerance_px=settings.search.tolerance_px)
     chosen = dominant_points(detection.contour_px, parameters, row_scale=1.0 / aspect)
     outline = _logged(frame, log) or _from_the_foot(frame, detection, parameters, settings)
     divided = [threshold(frame.image, method) for method in METHODS]
-    return FoundPart(
+    return FoundPartView(
         label=label,
         image=frame.image,
         contour_px=detection.contour_px,

@@ -18,7 +18,7 @@ from surfuse.rig.simulated.assembly import camera_model, camera_mount, ranger_mo
 from surfuse.settings import load
 from surfuse.twin.materials import Material
 from surfuse.twin.optics import OpticsParameters, render
-from surfuse.twin.scene import Body, Scene
+from surfuse.twin.scene import Scene, SceneBody
 from surfuse.twin.shapes import box
 from surfuse.twin.targets import SQUARE_CELLS, charuco, checkerboard, target_bodies
 from surfuse.twin.world import Twin
@@ -93,7 +93,7 @@ def seen_board(camera: CameraModel, target: Target, camera_from_target: FloatArr
     return render(scene, camera, world_from_camera, generator, _LIGHT)
 
 
-def board_bodies(target: Target, world_from_target: FloatArray) -> tuple[Body, ...]:
+def board_bodies(target: Target, world_from_target: FloatArray) -> tuple[SceneBody, ...]:
     """The board of a calibration target, with a border of one square."""
     if target.pattern == "checkerboard":
         dark, cell_m = checkerboard(target.columns, target.rows), target.square_m
@@ -127,7 +127,7 @@ def _fixed_board(target: Target) -> FloatArray:
     return pose(turn, np.array(_BOARD_MIDDLE_M) - turn @ target.points().mean(axis=0))
 
 
-def _backing(target: Target, world_from_target: FloatArray) -> Body:
+def _backing(target: Target, world_from_target: FloatArray) -> SceneBody:
     """The board as the ranger hears it: a plate as large as board and border, its front in the target's plane."""
     border = 2.0 * target.square_m
     width, height = target.columns * target.square_m + border, target.rows * target.square_m + border
@@ -137,7 +137,7 @@ def _backing(target: Target, world_from_target: FloatArray) -> Body:
         [[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]],
         [0.5 * width - target.square_m, height - target.square_m, 0.0],
     )
-    return Body(plate.vertices_m, plate.triangles, Material.PART, world_from_target @ target_from_plate)
+    return SceneBody(plate.vertices_m, plate.triangles, Material.PART, world_from_target @ target_from_plate)
 
 
 def _make(folder: Path) -> None:

@@ -13,7 +13,7 @@ from surfuse.errors import DataError
 from surfuse.records import FloatArray, IntArray, MapGrid, Score, SurfaceMap
 from surfuse.surface.grids import refined
 from surfuse.surface.score import edge_error, score, share_within
-from surfuse.surface.truth import read_mesh, truth_around
+from surfuse.surface.truth import read_truth_mesh, truth_around
 
 MESH_SUFFIXES = (".ply", ".stl", ".obj", ".glb", ".off")
 STEP_LEAST_M = 0.02
@@ -46,7 +46,7 @@ def evaluate(surface_path: Path, truth_path: Path, scale: float) -> Outcome:
 def read_truth(path: Path, grid: MapGrid, scale: float = 1.0) -> SurfaceMap:
     """Truth from a file: a mesh in the world frame of the readings, or a map in any format or run folder."""
     if path.is_file() and path.suffix.lower() in MESH_SUFFIXES:
-        vertices, triangles = read_mesh(path)
+        vertices, triangles = read_truth_mesh(path)
         return truth_around(scale * vertices, triangles, grid)
     return read_map(path)
 
@@ -54,7 +54,7 @@ def read_truth(path: Path, grid: MapGrid, scale: float = 1.0) -> SurfaceMap:
 def edge_truth(path: Path, grid: MapGrid, scale: float = 1.0) -> SurfaceMap:
     """Truth for the position of an edge: a mesh on a grid so much finer that its own steps do not count."""
     if path.is_file() and path.suffix.lower() in MESH_SUFFIXES:
-        vertices, triangles = read_mesh(path)
+        vertices, triangles = read_truth_mesh(path)
         return truth_around(scale * vertices, triangles, refined(grid, _EDGE_REFINEMENT))
     return read_map(path)
 

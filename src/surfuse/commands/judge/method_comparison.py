@@ -20,7 +20,7 @@ from surfuse.errors import SurfuseError
 from surfuse.exporters import nc
 from surfuse.records import MapGrid, Score, SurfaceMap
 from surfuse.report.comparison import render_comparison
-from surfuse.report.content import ComparisonContent, Event, NamedMap, SceneComparison, ScoreRow
+from surfuse.report.content import ComparisonContent, NamedMap, ReportEvent, SceneComparison, ScoreRow
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import ScanLog
 from surfuse.settings import FusionSettings, load
@@ -157,7 +157,7 @@ def _content(log: Path, results: list[MethodResult], against: Against | None) ->
         introduction="Every method on the same readings, with its defaults. Hatched: only the prior speaks.",
         made=f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
         version=__version__,
-        events=tuple(Event(f"{one.name}: {one.error}", "warning") for one in results if one.surface is None),
+        events=tuple(ReportEvent(f"{one.name}: {one.error}", "warning") for one in results if one.surface is None),
     )
 
 

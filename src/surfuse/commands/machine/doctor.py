@@ -18,8 +18,8 @@ from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, SilentWatcher
 from surfuse.errors import SurfuseError
 from surfuse.records import Outline, ScanPlan, Status
-from surfuse.rig.devices import Cell
-from surfuse.rig.simulated.assembly import build_cell
+from surfuse.rig.devices import Rig
+from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.surface.gridding import lattice
 
 _CORE = ("numpy", "scipy", "numba", "embreex", "trimesh", "opencv-python-headless", "mcap", "h5netcdf", "viser")
@@ -35,10 +35,10 @@ _EXTRAS = {
 Check = tuple[str, str, bool]
 
 
-def doctor(cell: Path | None, assignments: list[str]) -> Outcome:
+def doctor(rig: Path | None, assignments: list[str]) -> Outcome:
     """Check the installation, the configuration and, in the twin, whether the whole part can be scanned."""
     checks = [("surfuse", f"{__version__}, Python {platform.python_version()}", True), *_packages(), *_plug_ins()]
-    checks += _cell(cell, assignments)
+    checks += _cell(rig, assignments)
     rows = [(name, text if good else f"PROBLEM: {text}") for name, text, good in checks]
     problems = [name for name, _, good in checks if not good]
     rows.append(("result", f"{len(problems)} problems: {', '.join(problems)}" if problems else "all is well"))
@@ -65,11 +65,11 @@ def _plug_ins() -> list[Check]:
     return [(kind, ", ".join(registry.names(kind)), True) for kind in registry.KINDS]
 
 
-def _cell(cell: Path | None, assignments: list[str]) -> list[Check]:
+def _cell(rig: Path | None, assignments: list[str]) -> list[Check]:
     """Configuration, part and reach; each step needs the one before."""
     try:
-        chosen = settings.load(cell, assignments)
-        built = build_cell(chosen)
+        chosen = settings.load(rig, assignments)
+        built = simulated_rig(chosen)
     except SurfuseError as error:
         return [("configuration", str(error), False)]
     checks: list[Check] = [("configuration", f"scene '{chosen.scene.name}', method '{chosen.fusion.method}'", True)]
@@ -80,7 +80,7 @@ def _cell(cell: Path | None, assignments: list[str]) -> list[Check]:
             return [*checks, ("cell", str(error), False)]
 
 
-def _reach(built: Cell, chosen: settings.Settings) -> list[Check]:
+def _reach(built: Rig, chosen: settings.Settings) -> list[Check]:
     part = locate(built, chosen, SilentWatcher())
     plan = plan_for(built, chosen, part.outline, SilentWatcher())
     size = 1e3 * (part.outline.vertices_m.max(axis=0) - part.outline.vertices_m.min(axis=0))
@@ -91,7 +91,7 @@ def _reach(built: Cell, chosen: settings.Settings) -> list[Check]:
     ]
 
 
-def _fusion(built: Cell, chosen: settings.Settings, outline: Outline, plan: ScanPlan) -> list[Check]:
+def _fusion(built: Rig, chosen: settings.Settings, outline: Outline, plan: ScanPlan) -> list[Check]:
     """One sweep of the array, through the whole fusion; all that a scan and its report need is compiled, once."""
     compile_fusion(chosen.fusion.method)
     built.arm.move_to(plan.joints_rad[len(plan) // 2])

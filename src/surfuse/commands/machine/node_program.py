@@ -22,7 +22,7 @@ from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
 from surfuse.node.firmware import MonotonicClock, run
 from surfuse.node.link import BusLink, open_bus
-from surfuse.node.responder import Average, Configure, NodeIdentity, Responder, Volley
+from surfuse.node.responder import Average, Configure, NodeIdentity, Responder, SimultaneousFire
 from surfuse.node.simultaneous_fire import ThreadedVolley
 from surfuse.rig.simulated.assembly import bus_parameters
 from surfuse.rig.simulated.tethered_sensors import TetheredSensors
@@ -69,16 +69,23 @@ def node(
         if chosen.sensors:
             clock: Clock = MonotonicClock()
             sensors: Sequence[RangeSensor] = [opening.enter_context(_own(*sensor)) for sensor in chosen.sensors]
-            volley: Volley = ThreadedVolley(sensors)
+            fire_together: SimultaneousFire = ThreadedVolley(sensors)
             pings, average = chosen.pings, average_echoes
         else:
             simulated = TetheredSensors()
             clock, sensors = simulated.clock, simulated.sensors
             if chosen.bus.tether_port:
                 opening.enter_context(NodeEnd(chosen.bus.tether_port, simulated.configure, simulated.move))
-            volley, configure = simulated.volley, simulated.set_kit
+            fire_together, configure = simulated.fire_together, simulated.set_kit
         responder = Responder(
-            sensors, clock, identity, Catalogue(), pings=pings, average=average, configure=configure, volley=volley
+            sensors,
+            clock,
+            identity,
+            Catalogue(),
+            pings=pings,
+            average=average,
+            configure=configure,
+            fire_together=fire_together,
         )
         kind = "own" if chosen.sensors else "simulated"
         say(f"node {identity.node} on {bus.interface} {bus.channel}: {len(sensors)} {kind} sensors; Ctrl-C ends it")

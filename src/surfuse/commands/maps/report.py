@@ -20,7 +20,16 @@ from surfuse.errors import DataError, SurfuseError
 from surfuse.exporters import nc
 from surfuse.plan.margin import margin_in_words
 from surfuse.records import FloatArray, FusionScene, Readings, Score, SurfaceMap
-from surfuse.report.content import Event, KeyFigure, NamedMap, PlanView, ReportContent, Scenery, ScoreRow, plan_view
+from surfuse.report.content import (
+    KeyFigure,
+    NamedMap,
+    PlanView,
+    ReportContent,
+    ReportEvent,
+    Scenery,
+    ScoreRow,
+    plan_view,
+)
 from surfuse.report.page import render_report
 from surfuse.rig.simulated.arm import arm_model
 from surfuse.rig.simulated.assembly import square_fixture
@@ -34,7 +43,7 @@ from surfuse.runs.scan_source import load_scan
 from surfuse.settings import FusionSettings, Settings, from_tree
 from surfuse.surface.score import score
 from surfuse.surface.splines import spline_surface
-from surfuse.surface.truth import read_mesh, truth_around
+from surfuse.surface.truth import read_truth_mesh, truth_around
 
 _LEVELS: dict[int, Literal["info", "warning", "error"]] = {
     Level.INFO: "info",
@@ -135,8 +144,8 @@ def _source(run: RunFolder) -> ScanLog | None:
         return None
 
 
-def _notes(scan: ScanLog | None) -> tuple[Event, ...]:
-    return tuple(Event(warning, "warning") for warning in scan.warnings) if scan is not None else ()
+def _notes(scan: ScanLog | None) -> tuple[ReportEvent, ...]:
+    return tuple(ReportEvent(warning, "warning") for warning in scan.warnings) if scan is not None else ()
 
 
 def _settings(run: RunFolder) -> Settings | None:
@@ -179,7 +188,7 @@ def _plan(log: RunLog | None, settings: Settings | None) -> PlanView | None:
 
 
 def _truth(run: RunFolder, surface: SurfaceMap) -> SurfaceMap | None:
-    return truth_around(*read_mesh(run.truth), surface.grid) if run.truth.is_file() else None
+    return truth_around(*read_truth_mesh(run.truth), surface.grid) if run.truth.is_file() else None
 
 
 def _rival(
@@ -201,7 +210,7 @@ def _rival(
 def _scores(run: RunFolder, maps: list[SurfaceMap]) -> tuple[ScoreRow, ...]:
     if not run.truth.is_file():
         return ()
-    vertices, triangles = read_mesh(run.truth)
+    vertices, triangles = read_truth_mesh(run.truth)
 
     def found(candidate: SurfaceMap) -> Score:
         return score(candidate, truth_around(vertices, triangles, candidate.grid))
@@ -241,9 +250,9 @@ def _scenery(settings: Settings | None) -> tuple[Scenery, ...]:
     return (Scenery("table", np.vstack(rings), faces),)
 
 
-def _events(log: RunLog | None) -> tuple[Event, ...]:
+def _events(log: RunLog | None) -> tuple[ReportEvent, ...]:
     if log is None:
         return ()
-    told = [Event(f"{event.source}: {event.text}", _LEVELS[event.level], event.t_s) for event in log.events]
-    damaged = [Event(f"log: {damage.segment}: {damage.text}", "warning") for damage in log.damage]
+    told = [ReportEvent(f"{event.source}: {event.text}", _LEVELS[event.level], event.t_s) for event in log.events]
+    damaged = [ReportEvent(f"log: {damage.segment}: {damage.text}", "warning") for damage in log.damage]
     return (*told, *damaged)

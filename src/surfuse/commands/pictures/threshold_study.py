@@ -20,7 +20,7 @@ from surfuse.records import BoolArray, ByteArray
 from surfuse.rig.devices import looking_outwards, world_from_shoulder
 from surfuse.twin.materials import Material
 from surfuse.twin.optics import OpticsParameters, render, visible
-from surfuse.twin.scene import Body, CellParameters, Scene, build_cell
+from surfuse.twin.scene import Scene, SceneBody, TableParameters, table_bodies
 from surfuse.twin.shapes import box, cylinder, standing
 from surfuse.vision.threshold import METHODS
 
@@ -50,7 +50,7 @@ class StudyRow:
 class _Shot:
     """What makes one condition: the part, and the light it is seen in."""
 
-    part: Body
+    part: SceneBody
     optics: OpticsParameters
 
 
@@ -58,7 +58,7 @@ def _even(g: Generator) -> OpticsParameters:
     return OpticsParameters(background=g.uniform(8.0, 30.0))
 
 
-def _part(g: Generator, material: Material = Material.PART, low: float = 0.10, high: float = 0.25) -> Body:
+def _part(g: Generator, material: Material = Material.PART, low: float = 0.10, high: float = 0.25) -> SceneBody:
     """A block or a cylinder on the table, in view."""
     azimuth, radius = g.uniform(-0.12, 0.12), g.uniform(1.0, 1.1)
     width, height = g.uniform(low, high, 2)
@@ -66,7 +66,7 @@ def _part(g: Generator, material: Material = Material.PART, low: float = 0.10, h
         solid = box(width, min(width, 0.08), height)
     else:
         solid = cylinder(min(0.5 * width, 0.07), height)
-    return standing(solid, material, azimuth, radius, CellParameters().table_height_m, g.uniform(-0.5, 0.5))
+    return standing(solid, material, azimuth, radius, TableParameters().table_height_m, g.uniform(-0.5, 0.5))
 
 
 def _plain(g: Generator) -> _Shot:
@@ -170,7 +170,7 @@ def _closest(rows: tuple[StudyRow, ...], condition: str) -> str:
 
 def _photographed(shot: _Shot, generator: Generator) -> tuple[ByteArray, BoolArray]:
     """The picture (H, W) of the cell with the part, and the pixels (H, W) that show the part."""
-    scene = Scene((*build_cell(), shot.part))
+    scene = Scene((*table_bodies(), shot.part))
     place = world_from_shoulder(0.0) @ looking_outwards(*_CAMERA_M)
     picture = render(scene, REFERENCE_MODEL, place, generator, shot.optics)
     return picture, visible(scene, REFERENCE_MODEL, place, len(scene.bodies) - 1)

@@ -17,7 +17,7 @@ from surfuse.runs.scan_source import load_scan
 from surfuse.twin.acoustics.air import AirParameters
 from surfuse.twin.acoustics.noise import AcousticNoise
 from surfuse.twin.materials import Material
-from surfuse.twin.scene import Body, Scene
+from surfuse.twin.scene import Scene, SceneBody
 from surfuse.twin.world import ULTRASONIC, Twin, TwinParameters, transducer_of
 
 FAULTS = ("bias", "noise", "drift", "dropout", "wrong beam", "cycle slips", "cross-talk")
@@ -164,6 +164,6 @@ def _one(world: Twin, number: int, poses: FloatArray, specs: list[SensorSpec], *
     return first
 
 
-def _sheet(x: float, y_low: float, y_high: float) -> Body:
+def _sheet(x: float, y_low: float, y_high: float) -> SceneBody:
     corners = np.array([[x, y_low, -1.0], [x, y_high, -1.0], [x, y_high, 1.0], [x, y_low, 1.0]])
-    return Body(corners, np.array([[0, 2, 1], [0, 3, 2]]), Material.PART_SMOOTH, np.eye(4))
+    return SceneBody(corners, np.array([[0, 2, 1], [0, 3, 2]]), Material.PART_SMOOTH, np.eye(4))

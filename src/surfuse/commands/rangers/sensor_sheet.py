@@ -42,7 +42,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class SensorSheet:
     """All numbers of a data sheet; what does not apply or was not measured is None or empty.
 
     beam_deg, beam_db : angle from the axis, two-way directivity.
@@ -121,7 +121,7 @@ def spec_of(name: str, table: str | None = None) -> SensorSpec:
     return specs[table]
 
 
-def twin_sheet(spec: SensorSpec, seed: int = 1) -> Sheet:
+def twin_sheet(spec: SensorSpec, seed: int = 1) -> SensorSheet:
     """Measure a sensor in the twin, as its spec describes it."""
     nearest_m = _nearest(spec, seed)
     low = max(spec.range_min_m, nearest_m or 0.0, spec.dead_length_m) + 0.01
@@ -133,7 +133,7 @@ def twin_sheet(spec: SensorSpec, seed: int = 1) -> Sheet:
     smooth_curve = _over_incidence(smooth, standoff_m, tilts)
     noise = [matte.shoot(standoff_m, 0.0, 64, pings, moving=False).errors_m() for pings in _PINGS]
     beam, distances = _beam(spec), np.linspace(low, high, 25)
-    return Sheet(
+    return SensorSheet(
         sensor=spec.name,
         kind=spec.kind,
         source="the twin, 20 degrees Celsius",
@@ -152,14 +152,14 @@ def twin_sheet(spec: SensorSpec, seed: int = 1) -> Sheet:
     )
 
 
-def log_sheet(spec: SensorSpec, log: Path, truth: Path) -> Sheet:
+def log_sheet(spec: SensorSpec, log: Path, truth: Path) -> SensorSheet:
     """What can be told of a sensor from a log of readings of a known surface."""
     shots = shots_in_log(spec, log, truth)
     if not len(shots.axis_m):
         raise DataError(f"no reading of '{spec.name}' meets the true surface", cure="check frame and unit of the mesh")
     tilt = np.degrees(shots.incidence_rad)
     over_incidence = _binned(shots, tilt, 2.5)
-    return Sheet(
+    return SensorSheet(
         sensor=spec.name,
         kind=spec.kind,
         source=f"{log.name} against {truth.name}, {len(tilt)} readings",
@@ -170,7 +170,7 @@ def log_sheet(spec: SensorSpec, log: Path, truth: Path) -> Sheet:
     )
 
 
-def charts_of(sheet: Sheet) -> list[Chart]:
+def charts_of(sheet: SensorSheet) -> list[Chart]:
     """The drawings of a sheet; those without numbers are left out."""
     charts = []
     if sheet.beam_deg:
@@ -193,7 +193,7 @@ def charts_of(sheet: Sheet) -> list[Chart]:
     return charts
 
 
-def facts_of(sheet: Sheet) -> list[tuple[str, str]]:
+def facts_of(sheet: SensorSheet) -> list[tuple[str, str]]:
     """Label and text of the figures that have a number."""
     rows = [("sensor", f"{sheet.sensor}, {sheet.kind}"), ("measured in", sheet.source)]
     if sheet.beam_full_angle_deg is not None:
@@ -214,7 +214,7 @@ def facts_of(sheet: Sheet) -> list[tuple[str, str]]:
     return rows
 
 
-def _html(sheet: Sheet, title: str, charts: list[Chart]) -> str:
+def _html(sheet: SensorSheet, title: str, charts: list[Chart]) -> str:
     text = (
         "Errors of an ultrasonic ranger are against the perpendicular distance of the plate from the place where the "
         "beam starts, those of an optical one against the distance along its axis."

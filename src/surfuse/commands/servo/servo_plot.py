@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from surfuse.records import FloatArray
-from surfuse.report.axes import Frame, drawing, frame_axes
+from surfuse.report.axes import AxesFrame, drawing, frame_axes
 from surfuse.report.colours import CATEGORIES
 from surfuse.report.markup import Markup, Value, element
 
@@ -22,7 +22,7 @@ def study_drawing(series: list[tuple[str, FloatArray, FloatArray]]) -> str:
     end = max(float(t[-1]) for _, t, _ in series)
     logs = [np.log10(np.maximum(error, _FLOOR_MM)) for _, _, error in series]
     low, high = min(float(np.floor(log.min())) for log in logs), max(float(np.ceil(log.max())) for log in logs)
-    frame = Frame(0.0, end, low, high, 70.0, 20.0, 620.0, 320.0)
+    frame = AxesFrame(0.0, end, low, high, 70.0, 20.0, 620.0, 320.0)
     parts = [element("style", {}, Markup(_STYLE)), *frame_axes(frame, "time, s", "tool error, mm", y_ticks=False)]
     for power in range(int(low), int(high) + 1):
         y = round(frame.y(power), 2)

@@ -15,7 +15,7 @@ from surfuse.interfaces import Clock, RangeSensor
 from surfuse.node.link import BusParameters
 from surfuse.records import CameraModel, Fixture, FloatArray, SensorSpec
 from surfuse.rig import sequential_array as sequential
-from surfuse.rig.devices import Cell, Mount, SmoothMotion, Truth, world_from_shoulder
+from surfuse.rig.devices import Mount, Rig, SmoothMotion, Truth, world_from_shoulder
 from surfuse.rig.node_array import ArrayElsewhere, ArrayInProcess, elsewhere, in_process
 from surfuse.rig.simulated.arm import arm_in_cell
 from surfuse.sensors import polaroid
@@ -26,8 +26,7 @@ from surfuse.twin.acoustics.kit import TUBE, KitParameters
 from surfuse.twin.materials import with_roughness
 from surfuse.twin.optics import OpticsParameters
 from surfuse.twin.parts import Part, PartPose, make_part
-from surfuse.twin.scene import CellParameters, Scene
-from surfuse.twin.scene import build_cell as build_table
+from surfuse.twin.scene import Scene, TableParameters, table_bodies
 from surfuse.twin.simultaneous_array import SimultaneousArray
 from surfuse.twin.tether import HostEnd, Place
 from surfuse.twin.world import Twin, TwinParameters, transducer_of
@@ -52,7 +51,7 @@ class SimulatedClock:
         self._now_s += duration_s
 
 
-def build_cell(settings: Settings) -> Cell:
+def simulated_rig(settings: Settings) -> Rig:
     """The cell of the configuration, simulated.
 
     Raises
@@ -89,7 +88,7 @@ def build_cell(settings: Settings) -> Cell:
     together = fired_together(settings, fixture, world, arm.true_tool_pose, clock)
     array = _array(settings, fixture, sensors, together, clock, place)
     truth = Truth(*part.mesh())
-    return Cell(
+    return Rig(
         clock=clock,
         arm=arm,
         camera=simulated_camera.create(world, camera_model(settings), partial(on_shoulder, camera_place), clock),
@@ -113,11 +112,11 @@ def build_cell(settings: Settings) -> Cell:
 
 def build_world(settings: Settings) -> tuple[Twin, Part]:
     """The twin with the ring table and the part, and the part by itself."""
-    table = CellParameters(
+    table = TableParameters(
         settings.cell.table_height_m, settings.cell.table_inner_radius_m, settings.cell.table_outer_radius_m
     )
     part = make_part(settings.scene.name, _part_pose(settings), table)
-    return Twin(Scene([*build_table(table), part.body]), _physics(settings), settings.seed), part
+    return Twin(Scene([*table_bodies(table), part.body]), _physics(settings), settings.seed), part
 
 
 def array_sensors(
@@ -172,7 +171,7 @@ def _array(
     if bus.interface == NO_BUS:
         return together if at_once else sequential.create(fixture, sensors)
     if bus.interface == "virtual":
-        return in_process(fixture, sensors, bus.node, clock, together.volley, at_once)
+        return in_process(fixture, sensors, bus.node, clock, together.fire_together, at_once)
     tether = HostEnd(bus.tether_port, settings.model_dump(), place) if bus.tether_port else None
     return elsewhere(fixture, bus_parameters(bus), bus.node, bus.connect_timeout_s, tether, clock, at_once)
 

@@ -5,21 +5,21 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from surfuse.node.messages import KitSettings, TriggerSource
+from surfuse.node.messages import KitMessage, TriggerSource
 from surfuse.twin.acoustics.kit import KitParameters
 
 # What the bus calls the gain at which the kit's threshold is told.
 NOMINAL_GAIN_DB = 40.0
 
 
-def told(kit: KitParameters, pings: int) -> KitSettings:
+def kit_as_message(kit: KitParameters, pings: int) -> KitMessage:
     """What is said of a kit: its values, rounded to what the bus carries.
 
     Raises
     ------
     ConfigError : a value that the bus cannot carry.
     """
-    return KitSettings(
+    return KitMessage(
         frequency_hz=2 * round(0.5 * kit.frequency_hz),
         cycles=kit.cycles,
         blanking_us=round(1e6 * kit.blanking_s),
@@ -30,7 +30,7 @@ def told(kit: KitParameters, pings: int) -> KitSettings:
     )
 
 
-def heeded(settings: KitSettings, now: KitParameters) -> KitParameters:
+def kit_from_message(settings: KitMessage, now: KitParameters) -> KitParameters:
     """The kit with these settings; what the bus does not tell stays as it is.
 
     Raises

@@ -12,7 +12,7 @@ from surfuse.records import BoolArray, Echo, FloatArray, SensorSpec, Status
 from surfuse.rig.simulated.assembly import SimulatedClock
 from surfuse.sensors import simulated
 from surfuse.twin.materials import Material
-from surfuse.twin.scene import Body, Scene
+from surfuse.twin.scene import Scene, SceneBody
 from surfuse.twin.world import ULTRASONIC, Twin, TwinParameters
 
 # The bench is so large that no beam reaches past its plate.
@@ -89,7 +89,7 @@ class Bench:
         half = _HALF_SIDE_M
         corners = np.array([[0.0, -half, -half], [0.0, half, -half], [0.0, half, half], [0.0, -half, half]])
         material = Material.PART_SMOOTH if self.smooth else Material.PART
-        plate = Body(corners, np.array([[0, 2, 1], [0, 3, 2]]), material, np.eye(4))
+        plate = SceneBody(corners, np.array([[0, 2, 1], [0, 3, 2]]), material, np.eye(4))
         self._twin = Twin(Scene([plate]), self.physics, self.seed)
         self._spots = np.random.default_rng(self.seed)
         self._calls = 0

@@ -8,7 +8,7 @@ from functools import partial
 
 from surfuse.errors import ConfigError, DeviceError
 from surfuse.interfaces import AlwaysOpen, RangeSensor
-from surfuse.node.messages import KitSettings
+from surfuse.node.messages import KitMessage
 from surfuse.records import Echo, Fixture, FloatArray, SensorSpec
 from surfuse.rig.simulated.assembly import (
     SimulatedClock,
@@ -18,7 +18,7 @@ from surfuse.rig.simulated.assembly import (
     fired_together,
     square_fixture,
 )
-from surfuse.rig.simulated.kit_by_message import heeded
+from surfuse.rig.simulated.kit_by_message import kit_from_message
 from surfuse.sensors import simulated
 from surfuse.settings import from_tree
 from surfuse.twin.simultaneous_array import SimultaneousArray
@@ -48,11 +48,11 @@ class TetheredSensors:
         self._together = fired_together(settings, self._fixture, self._world, self._grip, self.clock)
         self._fired = list(array_sensors(settings, self._fixture, self._world, self._grip, self.clock))
 
-    def set_kit(self, number: int, told: KitSettings) -> None:
+    def set_kit(self, number: int, told: KitMessage) -> None:
         """Give the kit of one sensor these parameters; the next configuration of a host takes them back."""
         if self._world is None:
             raise DeviceError("no host has said where the sensors are", cure="run `surfuse acquire --node udp`")
-        kit = heeded(told, self._world.kit(self._fixture.specs[number]))
+        kit = kit_from_message(told, self._world.kit(self._fixture.specs[number]))
         spec = replace(
             self._fixture.specs[number],
             frequency_hz=kit.frequency_hz,
@@ -87,11 +87,11 @@ class TetheredSensors:
             raise DeviceError("no host has said where the sensors are", cure="run `surfuse acquire --node udp`")
         return self._fired[index].fire()
 
-    def volley(self, numbers: Sequence[int]) -> Sequence[Echo | None]:
+    def fire_together(self, numbers: Sequence[int]) -> Sequence[Echo | None]:
         """One reading of each of these sensors, all at the same moment; None before a host has told all it must."""
         if self._together is None or self._world_from_grip is None:
             return (None,) * len(numbers)
-        return self._together.volley(numbers)
+        return self._together.fire_together(numbers)
 
     def _grip(self) -> FloatArray:
         if self._world_from_grip is None:

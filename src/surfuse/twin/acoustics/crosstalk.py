@@ -15,7 +15,7 @@ import numpy as np
 from surfuse.errors import ConfigError
 from surfuse.records import FloatArray
 from surfuse.twin.acoustics.noise import AcousticNoise
-from surfuse.twin.acoustics.sounder import BIN_M, Arrivals, Sounder
+from surfuse.twin.acoustics.sounder import BIN_M, EchoArrivals, Sounder
 
 # Beams further apart than this hear different surfaces, and one in between hears neither as they do.
 PARALLEL_COSINE = float(np.cos(np.radians(5.0)))
@@ -64,12 +64,12 @@ def _check_parallel(world_from_sensor: FloatArray) -> None:
         )
 
 
-def _nothing(sounder: Sounder) -> Arrivals:
+def _nothing(sounder: Sounder) -> EchoArrivals:
     bins = sounder.bins
-    return Arrivals(np.zeros(bins), np.zeros(bins), np.zeros(bins), np.array([bins, -1], dtype=np.int64))
+    return EchoArrivals(np.zeros(bins), np.zeros(bins), np.zeros(bins), np.array([bins, -1], dtype=np.int64))
 
 
-def _added(sums: Arrivals, found: Arrivals, half_baseline_m: float) -> Arrivals:
+def _added(sums: EchoArrivals, found: EchoArrivals, half_baseline_m: float) -> EchoArrivals:
     """Add what a pair hears, every path made longer by its baseline."""
     low, high = (int(limit) for limit in found.extent)
     if high < low:

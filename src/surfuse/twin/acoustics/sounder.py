@@ -25,7 +25,7 @@ _INAUDIBLE = 0.01
 
 
 @dataclass(frozen=True)
-class Arrivals:
+class EchoArrivals:
     """What comes back, over the distance from the beam's origin: energies and complex amplitudes by bin (B,)."""
 
     mirror: FloatArray
@@ -125,7 +125,7 @@ class Sounder:
         return self.heard(self.arrivals(world_from_sensor), pings, noise, generator, t_s)
 
     def heard(
-        self, arrived: Arrivals, pings: int, noise: AcousticNoise, generator: np.random.Generator, t_s: float
+        self, arrived: EchoArrivals, pings: int, noise: AcousticNoise, generator: np.random.Generator, t_s: float
     ) -> tuple[FloatArray, FloatArray]:
         """What repeated pings read of what comes back; see `ping`."""
         scale = self.response * (1.0 + noise.amplitude * generator.standard_normal(pings))
@@ -150,7 +150,7 @@ class Sounder:
         ranges = np.where(heard, ranges, place)
         return np.where(missed, np.inf, ranges), np.where(heard & ~missed, strength, np.nan)
 
-    def arrivals(self, world_from_sensor: FloatArray) -> Arrivals:
+    def arrivals(self, world_from_sensor: FloatArray) -> EchoArrivals:
         """All that comes back to a sensor at this pose; the arrays are valid until the next call."""
         scene, work, beam = self.scene, self._work, self.beam
         low, high = work.extent
@@ -182,7 +182,7 @@ class Sounder:
         )  # fmt: skip
         if self.bundle.bounces == 2:
             self._second_bounce(mouth, axis, hit)
-        return Arrivals(work.mirror, work.real, work.imag, work.extent)
+        return EchoArrivals(work.mirror, work.real, work.imag, work.extent)
 
     def envelope(self, world_from_sensor: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """For drawing: range (B,) in m from the transducer, received envelope (B,), detection level (B,)."""
@@ -209,7 +209,7 @@ class Sounder:
             self._roughness, self.beam.two_way, self.wave_number, self.absorption, BIN_M, work.mirror, work.extent,
         )  # fmt: skip
 
-    def _crossings(self, found: Arrivals, scale: FloatArray, shift: FloatArray) -> tuple[FloatArray, float]:
+    def _crossings(self, found: EchoArrivals, scale: FloatArray, shift: FloatArray) -> tuple[FloatArray, float]:
         """Place (P,) of each ping's detection in bins, and the peak of the envelope after it."""
         place = np.empty(len(scale))
         peak = detect(
