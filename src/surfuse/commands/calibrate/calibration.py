@@ -25,8 +25,8 @@ from surfuse.commands.outcome import Outcome
 from surfuse.durable import refuse_existing, write_text
 from surfuse.errors import DataError, UsageError
 from surfuse.records import ByteArray, CameraModel, FloatArray
-from surfuse.rig.devices import mount_of
-from surfuse.rig.simulated.assembly import camera_model
+from surfuse.rig.description import camera_model
+from surfuse.rig.mounts import mount_of
 from surfuse.settings import load
 from surfuse.vision.calibration_camera import CalibrationParameters, calibrate_camera
 from surfuse.vision.calibration_ranger import ShoulderRanger, calibrate_shoulder_ranger

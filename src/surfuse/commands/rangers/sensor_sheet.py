@@ -12,14 +12,12 @@ from surfuse import __version__, durable
 from surfuse.commands.outcome import Outcome, finite
 from surfuse.commands.rangers.measured_readings import shots_in_log
 from surfuse.errors import ConfigError, DataError, UsageError, nearest
-from surfuse.records import FloatArray, SensorSpec
+from surfuse.records import ULTRASONIC, FloatArray, SensorSpec
 from surfuse.report.line_charts import Chart, Series, page, picture
 from surfuse.rig.simulated.ranger_bench import Bench, Shots
+from surfuse.rig.simulated.transducer_beam import beam_pattern
 from surfuse.runs.side_files import read_sensors
 from surfuse.sensors import polaroid
-from surfuse.twin.acoustics.beam import directivity
-from surfuse.twin.acoustics.kit import KitParameters
-from surfuse.twin.world import ULTRASONIC, transducer_of
 
 NAMED = {"polaroid": polaroid.SPEC, "polaroid_bare": polaroid.BARE_SPEC}
 STANDOFF_M = 0.43
@@ -132,7 +130,7 @@ def twin_sheet(spec: SensorSpec, seed: int = 1) -> SensorSheet:
     rough_curve = _over_incidence(matte, standoff_m, tilts)
     smooth_curve = _over_incidence(smooth, standoff_m, tilts)
     noise = [matte.shoot(standoff_m, 0.0, 64, pings, moving=False).errors_m() for pings in _PINGS]
-    beam, distances = _beam(spec), np.linspace(low, high, 25)
+    beam, distances = beam_pattern(spec), np.linspace(low, high, 25)
     return SensorSheet(
         sensor=spec.name,
         kind=spec.kind,
@@ -273,32 +271,3 @@ def _nearest(spec: SensorSpec, seed: int) -> float | None:
         if len(errors) and abs(errors[0]) < _RIGHT_M:
             return float(max(distance, spec.range_min_m)) if spec.kind != ULTRASONIC else float(distance)
     return None
-
-
-def two_way_beam_rad(spec: SensorSpec) -> float:
-    """Full angle between the -6 dB points of the two-way amplitude of the spec's piston."""
-    wave_number = 2.0 * np.pi * (spec.frequency_hz or KitParameters().frequency_hz) / 343.2
-    fine = np.radians(np.linspace(0.0, 90.0, 36001))
-    two_way = directivity(transducer_of(spec).aperture_m, wave_number, np.sin(fine)) ** 2
-    below = two_way < 0.5
-    return 2.0 * float(fine[int(np.argmax(below))]) if below.any() else float(np.pi)
-
-
-@dataclass(frozen=True)
-class _Beam:
-    beam_deg: tuple[float, ...] = ()
-    beam_db: tuple[float, ...] = ()
-    beam_full_angle_deg: float | None = None
-
-
-def _beam(spec: SensorSpec) -> _Beam:
-    """Two-way directivity of an ultrasonic sensor; other sensors have none."""
-    if spec.kind != ULTRASONIC:
-        return _Beam()
-    wave_number = 2.0 * np.pi * (spec.frequency_hz or KitParameters().frequency_hz) / 343.2
-    degrees = np.arange(-60.0, 60.25, 0.25)
-    sine = np.sin(np.radians(degrees))
-    level = 40.0 * np.log10(np.maximum(np.abs(directivity(transducer_of(spec).aperture_m, wave_number, sine)), 1e-9))
-    level = np.maximum(level, _DIRECTIVITY_FLOOR_DB)
-    full = float(np.degrees(two_way_beam_rad(spec)))
-    return _Beam(tuple(degrees.tolist()), tuple(level.tolist()), full)

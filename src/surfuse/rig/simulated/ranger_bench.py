@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from surfuse.geometry.poses import pose, rotation_about
-from surfuse.records import BoolArray, Echo, FloatArray, SensorSpec, Status
+from surfuse.records import ULTRASONIC, BoolArray, Echo, FloatArray, SensorSpec, Status
 from surfuse.rig.simulated.assembly import SimulatedClock
 from surfuse.sensors import simulated
 from surfuse.twin.materials import Material
 from surfuse.twin.scene import Scene, SceneBody
-from surfuse.twin.world import ULTRASONIC, Twin, TwinParameters
+from surfuse.twin.world import Twin, TwinParameters
 
 # The bench is so large that no beam reaches past its plate.
 _HALF_SIDE_M = 4.0
