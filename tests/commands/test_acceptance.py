@@ -14,7 +14,7 @@ from surfuse.commands.rangers.sensor_sheet import NAMED
 from surfuse.errors import DataError, UsageError
 from surfuse.records import SensorSpec
 from surfuse.rig.simulated.acceptance_bench import FAULTS, planted
-from surfuse.rig.simulated.ranger_bench import shots_of
+from surfuse.rig.simulated.ranger_bench import known_readings_of
 from surfuse.runs.scan_source import load_scan
 from surfuse.runs.side_files import read_corrections, read_sensors, sensors_toml
 from surfuse.twin.acoustics.noise import AcousticNoise
@@ -147,8 +147,8 @@ def test_slips_are_told_from_noise_and_do_not_count_as_bias():
     generator = np.random.default_rng(1)
     ranges = 0.5 + generator.normal(0.0, 3e-4, 200)
     ranges[:40] += half
-    shots = shots_of(SPEC, np.full(200, 0.5), np.zeros(200), None, ranges)
-    found = {check.fault: check for check in judge(SPEC, Trials(shots))}
+    known = known_readings_of(SPEC, np.full(200, 0.5), np.zeros(200), None, ranges)
+    found = {check.fault: check for check in judge(SPEC, Trials(known))}
     assert found["cycle slips"].value == pytest.approx(20.0, abs=0.5)
     assert found["bias"].passed
     assert found["noise"].passed
@@ -162,8 +162,8 @@ def test_limits_and_distances_are_checked():
             metres(text)
     with pytest.raises(UsageError, match="did you mean 'drift'"):
         planted(SPEC, "drit")
-    shots = shots_of(LASER, np.ones(9), np.zeros(9), None, np.linspace(1.0, 1.001, 9))
-    strict = judge(LASER, Trials(shots), AcceptanceLimits(noise_factor=0.01))
+    known = known_readings_of(LASER, np.ones(9), np.zeros(9), None, np.linspace(1.0, 1.001, 9))
+    strict = judge(LASER, Trials(known), AcceptanceLimits(noise_factor=0.01))
     assert [check.fault for check in strict if not check.passed] == ["noise"]
 
 

@@ -40,11 +40,11 @@ class StudyRow:
 def study(scenes: int, seed: int) -> tuple[StudyRow, ...]:
     """Every method on so many pictures of every condition."""
     rows = []
-    for index, (name, shot) in enumerate(CONDITIONS.items()):
+    for index, (name, chosen) in enumerate(CONDITIONS.items()):
         per_method: dict[str, list[Division]] = {method: [] for method in METHODS}
         for scene in range(scenes):
             generator = np.random.default_rng([seed, index, scene])
-            picture, truth = photographed(shot(generator), generator)
+            picture, truth = photographed(chosen(generator), generator)
             for division in compare(picture, tuple(METHODS), "bright", truth)[0]:
                 per_method[division.method].append(division)
         rows += [_row(name, method, divisions) for method, divisions in per_method.items()]

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from surfuse.commands.rangers.measured_readings import facing_shots
+from surfuse.commands.rangers.measured_readings import facing_readings
 from surfuse.commands.rangers.sensor_sheet import STANDOFF_M
 from surfuse.errors import UsageError
 from surfuse.records import ULTRASONIC, FloatArray, SensorSpec, Status
 from surfuse.rig.simulated.acceptance_bench import WARM_UP_S, SimulatedRanger
-from surfuse.rig.simulated.ranger_bench import Bench, Shots
+from surfuse.rig.simulated.ranger_bench import Bench, KnownReadings
 from surfuse.runs.scan_source import load_scan
 
 _EARLY_M, _LATE_M, _USABLE_SHARE = 0.005, 0.02, 0.75
@@ -26,8 +26,8 @@ class Trials:
     largest usable incidence, `crosstalk` (S, S) the share of the receiver's (column) readings that the sender changes.
     """
 
-    facing: Shots
-    warm_up: Shots | None = None
+    facing: KnownReadings
+    warm_up: KnownReadings | None = None
     beam_rad: float | None = None
     usable_rad: float | None = None
     crosstalk: FloatArray | None = None
@@ -40,11 +40,11 @@ def twin_trials(ranger: SimulatedRanger, seed: int = 1) -> Trials:
     standoff_m = float(np.clip(STANDOFF_M, low, 0.98 * spec.range_max_m))
     warm_up = []
     while matte.clock.now_s() < WARM_UP_S:
-        warm_up.append(matte.shoot(standoff_m, 0.0, 1, moving=False))
+        warm_up.append(matte.measure(standoff_m, 0.0, 1, moving=False))
         matte.clock.advance(30.0)
     smooth.clock.advance(WARM_UP_S)
     distances = np.linspace(low, min(1.2, 0.95 * spec.range_max_m), 10)
-    facing = [matte.shoot(distance, 0.0, 40, 1, moving=False) for distance in distances.tolist()]
+    facing = [matte.measure(distance, 0.0, 40, 1, moving=False) for distance in distances.tolist()]
     sound = spec.kind == ULTRASONIC
     return Trials(
         facing=_joined(facing),
@@ -59,21 +59,21 @@ def log_trials(spec: SensorSpec, log: Path, distances_m: tuple[float, ...], warm
     """What a log of a facing plate at known distances tells, and one of the warm-up."""
     if not distances_m:
         raise UsageError("--log without --distances", cure="give the distances in metres, in the order of the log")
-    facing = facing_shots(load_scan(log).readings, distances_m, spec, str(log))
+    facing = facing_readings(load_scan(log).readings, distances_m, spec, str(log))
     if warm_up is None:
         return Trials(facing)
-    return Trials(facing, facing_shots(load_scan(warm_up).readings, (STANDOFF_M,), spec, str(warm_up)))
+    return Trials(facing, facing_readings(load_scan(warm_up).readings, (STANDOFF_M,), spec, str(warm_up)))
 
 
-def _joined(shots: list[Shots]) -> Shots:
+def _joined(known: list[KnownReadings]) -> KnownReadings:
     names = ("axis_m", "incidence_rad", "expected_m", "range_m", "status", "t_s", "amplitude")
-    return Shots(*(np.concatenate([getattr(one, name) for one in shots]) for name in names))
+    return KnownReadings(*(np.concatenate([getattr(one, name) for one in known]) for name in names))
 
 
 def _beam_rad(smooth: Bench, standoff_m: float) -> float | None:
     """Full angle within which the echo of a mirror is stronger than half: the -6 dB beam."""
     tilts = np.radians(np.arange(0.0, 40.0, 0.25))
-    strength = np.array([np.nanmean(np.append(smooth.shoot(standoff_m, tilt, 4).amplitude, 0.0)) for tilt in tilts])
+    strength = np.array([np.nanmean(np.append(smooth.measure(standoff_m, tilt, 4).amplitude, 0.0)) for tilt in tilts])
     weak = strength < 0.5 * strength[0]
     if not weak.any() or strength[0] <= 0.0:
         return None
@@ -89,9 +89,9 @@ def _usable_rad(matte: Bench, standoff_m: float) -> float | None:
     """
     usable, facing = None, 0.0
     for tilt in np.radians(np.arange(0.0, 42.5, 2.5)).tolist():
-        shots = matte.shoot(standoff_m, tilt, 48)
-        good = (shots.status == int(Status.OK)) & (shots.range_m > shots.expected_m - _EARLY_M)
-        good &= shots.range_m < np.maximum(shots.axis_m, shots.expected_m) + _LATE_M
+        known = matte.measure(standoff_m, tilt, 48)
+        good = (known.status == int(Status.OK)) & (known.range_m > known.expected_m - _EARLY_M)
+        good &= known.range_m < np.maximum(known.axis_m, known.expected_m) + _LATE_M
         share = float(np.mean(good))
         facing = share if usable is None else facing
         if share == 0.0 or share < _USABLE_SHARE * facing:

@@ -81,9 +81,9 @@ CONDITIONS: dict[str, Callable[[Generator], StudyPicture]] = {
 }
 
 
-def photographed(shot: StudyPicture, generator: Generator) -> tuple[ByteArray, BoolArray]:
+def photographed(chosen: StudyPicture, generator: Generator) -> tuple[ByteArray, BoolArray]:
     """The picture (H, W) of the cell with the part, and the pixels (H, W) that show the part."""
-    scene = Scene((*table_bodies(), shot.part))
+    scene = Scene((*table_bodies(), chosen.part))
     place = world_from_shoulder(0.0) @ looking_outwards(*_CAMERA_M)
-    picture = render(scene, REFERENCE_MODEL, place, generator, shot.optics)
+    picture = render(scene, REFERENCE_MODEL, place, generator, chosen.optics)
     return picture, visible(scene, REFERENCE_MODEL, place, len(scene.bodies) - 1)
