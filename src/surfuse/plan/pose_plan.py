@@ -1,0 +1,74 @@
+"""The scan plan of an arm that is sent to poses: its own controller finds the joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from surfuse.geometry.poses import inverse, pose, rotation_about
+from surfuse.plan.margin import enlarged
+from surfuse.plan.raster import raster
+from surfuse.plan.scan_plan import PlanParameters
+from surfuse.records import BoolArray, FloatArray, Outline, ScanPlan, SkippedStop
+
+OUT_OF_REACH = "the arm cannot take this pose"
+_FACING = np.diag([-1.0, 1.0, -1.0])
+_SAME_RAD = 1e-3
+
+Reachable = Callable[[FloatArray], BoolArray]
+
+
+def pose_plan(
+    outline: Outline, reachable: Reachable, start_world_from_grip: FloatArray, parameters: PlanParameters
+) -> ScanPlan:
+    """Plan the scan of an outline for an arm that says itself which grip poses (N, 4, 4) it can take.
+
+    The beams look along -w. About them the grip is turned so that the array lies square to the lines, by the quarter
+    turn that is nearest to how it stands now; an arm that cannot turn keeps the turn that it has. The outline is what
+    shall be scanned, so it is enlarged only by a margin that is given. The plan has no joints.
+    """
+    area = enlarged(outline, parameters.margin_m or 0.0)
+    stops = raster(area, parameters.step_m, parameters.same_side)
+    best, can = np.zeros((0, 4, 4)), np.zeros(0, dtype=np.bool_)
+    for turn in _turns(inverse(outline.world_from_part)[:3, :3] @ start_world_from_grip[:3, :3]):
+        targets = looking_at(outline.world_from_part, stops.uv_m, parameters.standoff_m, turn)
+        found = np.asarray(reachable(targets), dtype=np.bool_) if len(targets) else np.zeros(0, dtype=np.bool_)
+        if len(best) == 0 or np.count_nonzero(found) > np.count_nonzero(can):
+            best, can = targets, found
+        if can.any():
+            break
+    return ScanPlan(
+        world_from_grip=best[can],
+        uv_m=stops.uv_m[can],
+        row=stops.row[can],
+        joints_rad=np.zeros((int(np.count_nonzero(can)), 0)),
+        outline=area,
+        step_m=parameters.step_m,
+        standoff_m=parameters.standoff_m,
+        skipped=tuple(SkippedStop(u, v, OUT_OF_REACH) for u, v in stops.uv_m[~can].tolist()),
+    )
+
+
+def looking_at(world_from_part: FloatArray, uv_m: FloatArray, standoff_m: float, turn: FloatArray) -> FloatArray:
+    """Grip poses (N, 4, 4) that look at points (N, 2) of w = 0 from the standoff, turned (3, 3) in the part frame."""
+    part_from_grip = np.zeros((len(uv_m), 4, 4))
+    part_from_grip[:] = pose(turn, [0.0, 0.0, standoff_m])
+    part_from_grip[:, :2, 3] = uv_m
+    targets: FloatArray = world_from_part @ part_from_grip
+    return targets
+
+
+def _turns(now: FloatArray) -> Iterator[FloatArray]:
+    """Rotations (3, 3) of the grip in the part frame, the wanted one first; `now` is how it is turned."""
+    quarters = [_FACING @ rotation_about([0.0, 0.0, 1.0], k * np.pi / 2) for k in range(4)]
+    nearest = max(quarters, key=lambda turn: float(np.trace(turn.T @ now)))
+    yield nearest
+    x = now[:, 0] * np.array([1.0, 1.0, 0.0])
+    if float(np.linalg.norm(x)) < _SAME_RAD:
+        return
+    x /= np.linalg.norm(x)
+    z = np.array([0.0, 0.0, -1.0])
+    kept = np.column_stack([x, np.cross(z, x), z])
+    if float(np.trace(kept.T @ nearest)) < 3.0 - _SAME_RAD**2:
+        yield kept
