@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from surfuse.acquire.smooth import lines_of, way_of
+from surfuse.acquisition.smooth import lines_of, way_of
 from surfuse.arm_models.puma560 import LIMITS, READY_RAD
 from surfuse.errors import SafetyStopError
 from surfuse.geometry.poses import pose

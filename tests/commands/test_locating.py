@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from surfuse.acquire.search import SearchResult
+from surfuse.acquisition.search import SearchResult
 from surfuse.commands.acquire.locating import _wanted, locate
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import DataError

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 sys.path.insert(0, str(Path(__file__).parents[1] / "arms"))
 from trident_bench import KINEMATICS, MODEL, TARGET, Bench
 
-from surfuse.acquire.scan import scan
+from surfuse.acquisition.scan import scan
 from surfuse.arm_models.puma560 import LIMITS, READY_RAD
 from surfuse.arm_models.puma560_dynamics import FIXTURE, extra_load, loaded_puma560
 from surfuse.arms import trident

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfuse.acquire.search import FoundPart, SearchParameters, SearchResult, search
+from surfuse.acquisition.search import FoundPart, SearchParameters, SearchResult, search
 from surfuse.commands.outcome import Watcher
 from surfuse.errors import DataError
 from surfuse.records import CameraFrame, Detection, Outline, Status

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from surfuse.acquire.scan import scan
-from surfuse.acquire.smooth import SmoothParameters, smooth_scan
+from surfuse.acquisition.scan import scan
+from surfuse.acquisition.smooth import SmoothParameters, smooth_scan
 from surfuse.commands.outcome import Watcher
 from surfuse.errors import ConfigError, DataError
 from surfuse.interfaces import FusionMethod

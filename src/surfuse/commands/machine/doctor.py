@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from surfuse import __version__, registry, settings
-from surfuse.acquire.station import take_sweep
+from surfuse.acquisition.station import take_sweep
 from surfuse.commands.acquire.locating import locate
 from surfuse.commands.acquire.plan_and_walk import plan_for, scene_of
 from surfuse.commands.acquire.warm_up import compile_fusion

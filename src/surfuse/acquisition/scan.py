@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from surfuse.acquire.station import take_sweep
+from surfuse.acquisition.station import take_sweep
 from surfuse.errors import ConfigError, DeviceError
 from surfuse.interfaces import Arm, RangeArray
 from surfuse.records import JointState, ScanPlan, Sweep

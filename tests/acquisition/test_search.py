@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from surfuse.acquire.search import SearchParameters, search
+from surfuse.acquisition.search import SearchParameters, search
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.records import CameraFrame, CameraModel

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from surfuse.acquire.station import sweep_of, take_sweep
+from surfuse.acquisition.station import sweep_of, take_sweep
 from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, READY_RAD, Puma560
 from surfuse.errors import DeviceError
 from surfuse.geometry.poses import pose, rotation_about

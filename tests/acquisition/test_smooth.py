@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from surfuse.acquire.smooth import SmoothParameters, lines_of, smooth_scan, way_of
+from surfuse.acquisition.smooth import SmoothParameters, lines_of, smooth_scan, way_of
 from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND_HEIGHT_M, Puma560
 from surfuse.arms import simulated
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError

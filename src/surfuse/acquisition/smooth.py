@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfuse.acquire.scan import ScanOutcome
-from surfuse.acquire.station import sweep_of
+from surfuse.acquisition.scan import ScanOutcome
+from surfuse.acquisition.station import sweep_of
 from surfuse.errors import ConfigError, DeviceError
 from surfuse.interfaces import RangeArray
 from surfuse.motion.moving_arm import MovingArm

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from surfuse.acquire.search import SearchParameters, search
+from surfuse.acquisition.search import SearchParameters, search
 from surfuse.records import CameraFrame, CameraModel
 from surfuse.rig.devices import looking_outwards, world_from_shoulder
 from surfuse.twin.materials import Material
