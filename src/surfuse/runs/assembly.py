@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from surfuse.errors import DataError
 from surfuse.geometry.poses import FloatArray, inverse, transform_points
 from surfuse.records import IntArray, Readings, SensorSpec, Status
 from surfuse.runs.scan_log import ScanLog
-from surfuse.runs.side_files import RangeCorrection, read_frame, read_outline
+from surfuse.runs.side_files import GivenPart, RangeCorrection
 from surfuse.runs.sweep_grouping import estimate_part_frame, grip_poses, group_by_repeat, row_numbers, sweep_means
 
 
@@ -41,22 +39,28 @@ def status_of_range(range_m: FloatArray) -> IntArray:
     ).astype(np.int64)
 
 
-def assemble(single: SingleReadings, frame: Path | None, outline: Path | None, warnings: list[str]) -> ScanLog:
+def assemble(
+    single: SingleReadings,
+    part: GivenPart,
+    warnings: list[str],
+    sensors_name: str = "sensors.toml",
+    frame_name: str = "frame.toml",
+) -> ScanLog:
     """Group readings into sweeps and scan lines, in the part frame given or estimated.
+
+    `sensors_name` and `frame_name` say in the warnings where sensors and frame come from, or could.
 
     Raises
     ------
-    DataError, ConfigError : the frame or the outline cannot be used, or an outline comes without a frame.
+    DataError : no frame is given, and none can be estimated.
     """
-    if outline is not None and frame is None:
-        raise DataError("an outline without a part frame", where=str(outline), cure="add frame.toml beside it")
     rows, start, stops = _sweeps(single)
     position, axis = single.position_m[rows], single.axis[rows]
-    if frame is None:
+    if part.world_from_part is None:
         world_from_part = estimate_part_frame(sweep_means(start, position), axis.mean(axis=0), single.range_m)
-        warnings.append("no frame.toml: the part frame is estimated from the readings")
+        warnings.append(f"no {frame_name}: the part frame is estimated from the readings")
     else:
-        world_from_part = read_frame(frame)
+        world_from_part = part.world_from_part
     poses = grip_poses(start, position, axis, world_from_part[:3, 0])
     readings = Readings(
         specs=single.specs,
@@ -64,7 +68,7 @@ def assemble(single: SingleReadings, frame: Path | None, outline: Path | None, w
         sensor=single.sensor[rows],
         position_m=position,
         axis=axis,
-        range_m=_corrected(single, warnings)[rows],
+        range_m=_corrected(single, warnings, sensors_name)[rows],
         status=single.status[rows],
         amplitude=single.amplitude[rows],
         sigma_m=single.sigma_m[rows],
@@ -77,19 +81,19 @@ def assemble(single: SingleReadings, frame: Path | None, outline: Path | None, w
     return ScanLog(
         readings=readings,
         world_from_part=world_from_part,
-        frame_estimated=frame is None,
-        outline=None if outline is None else read_outline(outline, world_from_part),
+        frame_estimated=part.world_from_part is None,
+        outline=part.outline,
         warnings=tuple(warnings),
     )
 
 
-def _corrected(single: SingleReadings, warnings: list[str]) -> FloatArray:
+def _corrected(single: SingleReadings, warnings: list[str], sensors_name: str) -> FloatArray:
     """Ranges (N,) with the calibration of their sensors taken out; what is no number stays what it is."""
     if not any(one != RangeCorrection() for one in single.corrections):
         return single.range_m
     offset = np.array([one.offset_m for one in single.corrections])[single.sensor]
     scale = np.array([one.scale for one in single.corrections])[single.sensor]
-    warnings.append("sensors.toml holds a calibration: offset and scale are taken out of the ranges")
+    warnings.append(f"{sensors_name} holds a calibration: offset and scale are taken out of the ranges")
     return np.asarray((single.range_m - offset) / scale, dtype=np.float64)
 
 

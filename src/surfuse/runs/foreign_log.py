@@ -22,7 +22,7 @@ from surfuse.runs.assembly import SingleReadings, assemble, status_of_range
 from surfuse.runs.log_files import log_segments, read_whole
 from surfuse.runs.log_walk import Walk, walk
 from surfuse.runs.scan_log import AssumedSensor, ScanLog
-from surfuse.runs.side_files import METRES_LIMIT, read_corrections, read_sensors
+from surfuse.runs.side_files import METRES_LIMIT, read_corrections, read_part, read_sensors
 from surfuse.runs.transform_tree import TransformTree
 
 _RANGE = "sensor_msgs/msg/Range"
@@ -70,7 +70,7 @@ def read_foreign_log(
     single = _single(gathered, specs, path)
     if sensors is not None:
         single = replace(single, corrections=read_corrections(sensors))
-    return assemble(single, frame, outline, gathered.warnings)
+    return assemble(single, read_part(frame, outline), gathered.warnings)
 
 
 def _decoders(found: Walk, gathered: _Gathered) -> Iterator[tuple[int, str, str, Callable[[bytes], SimpleNamespace]]]:
