@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from surfuse.cli import main
-from surfuse.commands.fuse.fuse_log import grid_of
+from surfuse.commands.fuse.map_of_log import grid_of
 from surfuse.commands.judge.evaluation import edge_truth, read_truth
 from surfuse.commands.judge.method_comparison import Against, line_of, result_of
 from surfuse.runs.scan_source import load_scan

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from surfuse import __version__, durable, registry
 from surfuse.commands.acquire.acquisition import acquire, default_folder
-from surfuse.commands.fuse.fuse_log import fused, grid_of
+from surfuse.commands.fuse.map_of_log import fused, grid_of
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.judge.evaluation import edge_m, score_data
 from surfuse.commands.outcome import Outcome, Watcher, finite

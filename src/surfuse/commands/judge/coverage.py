@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from surfuse.commands.fuse.fuse_log import fused, grid_of
+from surfuse.commands.fuse.map_of_log import fused, grid_of
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.judge.evaluation import read_truth
 from surfuse.commands.maps.map_files import NATIVE, read_map

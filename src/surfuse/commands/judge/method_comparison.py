@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from surfuse import __version__, durable, registry
-from surfuse.commands.fuse.fuse_log import fused, grid_of, opened
+from surfuse.commands.fuse.map_of_log import fused, grid_of, opened
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.judge.evaluation import NEAR_M, edge_of, edge_truth, has_step, read_truth, score_data
 from surfuse.commands.outcome import Outcome, Watcher
