@@ -20,12 +20,15 @@ from surfuse.settings import FusionSettings
 
 @dataclass(frozen=True)
 class MapSource:
-    """A map, its fused points, the readings behind them, where these were read from, and what fusion knew before."""
+    """A map, its fused points, the readings behind them, and what fusion knew before.
+
+    `log` is where the readings were read from, None when they never were in a file of their own.
+    """
 
     surface: SurfaceMap
     points: FusedPoints
     readings: Readings
-    log: Path
+    log: Path | None
     scene: FusionScene
     fusion: FusionSettings
 
