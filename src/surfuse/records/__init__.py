@@ -9,6 +9,7 @@ Ranges follow REP-117: `+inf` nothing within range, `-inf` too close, `nan` a fa
 
 from surfuse.records.checks import BoolArray, ByteArray, FloatArray, IntArray
 from surfuse.records.codes import Gap, Gate, Regime, Status
+from surfuse.records.findings import Finding, Severity, Trust, trust_of
 from surfuse.records.fused import FusedPoint, FusedPoints, FusionScene
 from surfuse.records.guard import GuardReason, RegionDecision, in_words
 from surfuse.records.pictures import CameraFrame, CameraModel, Detection, Outline
@@ -24,6 +25,7 @@ __all__ = [
     "CameraModel",
     "Detection",
     "Echo",
+    "Finding",
     "Fixture",
     "FloatArray",
     "FusedPoint",
@@ -45,10 +47,13 @@ __all__ = [
     "ScanPlan",
     "Score",
     "SensorSpec",
+    "Severity",
     "SkippedStop",
     "Status",
     "SurfaceMap",
     "Sweep",
+    "Trust",
     "in_words",
     "readings_from_sweeps",
+    "trust_of",
 ]

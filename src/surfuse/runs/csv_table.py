@@ -7,7 +7,6 @@ fails is it searched cell by cell for the message.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -16,7 +15,7 @@ import numpy as np
 from surfuse.errors import DataError, nearest
 from surfuse.records import FloatArray, Status
 from surfuse.runs.csv_source import CsvSource
-from surfuse.runs.reading_table import STATUS_WORDS, UNKNOWN_STATUS, ReadingTable
+from surfuse.runs.reading_table import STATUS_WORDS, UNKNOWN_STATUS, ReadingTable, with_stop
 
 _BLOCK_ROWS = 2048
 _INF_WORDS = ("inf", "infinity")
@@ -163,15 +162,7 @@ class _Columns:
             amplitude=column("amplitude"),
             stop=None,
         )
-        return table if stop is None else _with_stop(table, stop)
-
-
-def _with_stop(table: ReadingTable, stop: FloatArray) -> ReadingTable:
-    wrong = np.flatnonzero(~(np.isfinite(stop) & (stop == np.round(stop)) & (np.abs(stop) < 2.0**53)))
-    if len(wrong):
-        row = int(wrong[0])
-        raise DataError(f"stop = {stop[row]:g}", where=table.where(row, "stop"), cure="number the stops 0, 1, 2, ...")
-    return replace(table, stop=stop.astype(np.int64))
+        return table if stop is None else with_stop(table, stop)
 
 
 def _is_float(cell: str) -> bool:

@@ -6,7 +6,7 @@ A readings CSV and the same numbers as arrays go through this one door, so that 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -69,6 +69,15 @@ class ReadingTable:
     def where(self, row: int, column: str) -> str:
         """Where a cell stands, for a message."""
         return self.source.where(row, column)
+
+
+def with_stop(table: ReadingTable, stop: FloatArray) -> ReadingTable:
+    """The table with numbers of stops (N,), which must be whole."""
+    wrong = np.flatnonzero(~(np.isfinite(stop) & (stop == np.round(stop)) & (np.abs(stop) < 2.0**53)))
+    if len(wrong):
+        row = int(wrong[0])
+        raise DataError(f"stop = {stop[row]:g}", where=table.where(row, "stop"), cure="number the stops 0, 1, 2, ...")
+    return replace(table, stop=stop.astype(np.int64))
 
 
 def scan_of_table(

@@ -262,11 +262,11 @@ def sensors_toml(specs: tuple[SensorSpec, ...]) -> str:
         lines = [
             f"[{json.dumps(spec.name, ensure_ascii=False)}]",
             f"kind = {json.dumps(spec.kind, ensure_ascii=False)}",
-            f"beam_full_angle_deg = {_degrees(spec.beam_full_angle_rad)!r}",
+            f"beam_full_angle_deg = {exact_degrees(spec.beam_full_angle_rad)!r}",
             f"range_min_m = {float(spec.range_min_m)!r}",
             f"range_max_m = {float(spec.range_max_m)!r}",
             f"sigma_m = {float(spec.sigma_m)!r}",
-            f"incidence_limit_deg = {_degrees(spec.incidence_limit_rad)!r}",
+            f"incidence_limit_deg = {exact_degrees(spec.incidence_limit_rad)!r}",
             f"firing_time_s = {float(spec.firing_time_s)!r}",
         ]
         if spec.dead_length_m > 0.0:
@@ -276,14 +276,14 @@ def sensors_toml(specs: tuple[SensorSpec, ...]) -> str:
         if spec.aperture_m is not None:
             lines.append(f"aperture_m = {float(spec.aperture_m)!r}")
         if spec.late is not None:
-            lines.append(f"late_tilt_deg = {[_degrees(tilt) for tilt in spec.late.tilt_rad]!r}")
+            lines.append(f"late_tilt_deg = {[exact_degrees(tilt) for tilt in spec.late.tilt_rad]!r}")
             lines.append(f"late_bias_m = {list(spec.late.bias_m)!r}")
             lines.append(f"late_scatter_m = {list(spec.late.scatter_m)!r}")
         blocks.append("\n".join(lines) + "\n")
     return "\n".join(blocks)
 
 
-def _degrees(angle_rad: float) -> float:
+def exact_degrees(angle_rad: float) -> float:
     """Degrees that `math.radians` turns back into exactly this angle where such a number exists."""
     guess = math.degrees(angle_rad)
     for candidate in (round(guess, 9), guess, math.nextafter(guess, math.inf), math.nextafter(guess, -math.inf)):

@@ -256,8 +256,13 @@ class Settings(Section):
         return self.scan.step_m if self.scan.step_m is not None else self.array.side_m / 5.0
 
 
-def load(cell_file: Path | None = None, overrides: Iterable[str] = (), **sections: Mapping[str, object]) -> Settings:
-    """Defaults, then the cell file, then `key.path=value` overrides, then whole sections given by name.
+def load(
+    cell_file: Path | None = None,
+    overrides: Iterable[str] = (),
+    values: Mapping[str, object] | None = None,
+    **sections: Mapping[str, object],
+) -> Settings:
+    """Defaults, then the cell file, then `key.path=value` overrides, then values by key path, then whole sections.
 
     The run.toml of a run is a cell file too: it repeats the run, with its seed.
 
@@ -269,10 +274,12 @@ def load(cell_file: Path | None = None, overrides: Iterable[str] = (), **section
     where = str(cell_file) if cell_file is not None else "configuration"
     for text in overrides:
         _assign(tree, text)
-    for name, values in sections.items():
+    for path, value in (values or {}).items():
+        _put(tree, path, value)
+    for name, content in sections.items():
         section = tree.setdefault(name, {})
         if isinstance(section, dict):
-            section.update(values)
+            section.update(content)
     return from_tree(tree, where)
 
 
@@ -301,8 +308,7 @@ def _read_toml(path: Path) -> dict[str, object]:
 def _assign(tree: dict[str, object], text: str) -> None:
     """Put one `key.path=value` into the tree; the value is read as TOML, else as a string."""
     path, separator, value_text = text.partition("=")
-    keys = [key.strip() for key in path.split(".")]
-    if not separator or not all(keys):
+    if not separator or not all(key.strip() for key in path.split(".")):
         raise ConfigError(
             f"'{text}' is not of the form key.path=value", cure="write for example --set scan.margin_m=0.03"
         )
@@ -312,7 +318,12 @@ def _assign(tree: dict[str, object], text: str) -> None:
         value = value_text.strip()
     except RecursionError as error:
         raise ConfigError(f"the value of '{path}' is nested too deeply", cure="give a plain value") from error
-    node = tree
+    _put(tree, path, value)
+
+
+def _put(tree: dict[str, object], path: str, value: object) -> None:
+    """Put a value into the tree at a path of keys; the tables on the way are made."""
+    node, keys = tree, [key.strip() for key in path.split(".")]
     for key in keys[:-1]:
         child = node.setdefault(key, {})
         if not isinstance(child, dict):

@@ -11,11 +11,10 @@ import numpy as np
 
 from surfuse import __version__
 from surfuse.commands.acquire.acquisition import default_folder
-from surfuse.commands.fuse.map_of_log import fused, grid_of, opened
+from surfuse.commands.fuse.map_of_log import fused, grid_of, opened, require_cells
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.maps.report import write_report
 from surfuse.commands.outcome import Outcome, Watcher
-from surfuse.errors import DataError
 from surfuse.exporters import nc
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FusionResult, Gap, Regime, SurfaceMap, in_words
@@ -49,12 +48,7 @@ def fuse(
     watcher.stage("fuse")
     grid = grid_of(scan)
     result, surface = fused(scan, method, grid)
-    if not surface.mask.any():
-        raise DataError(
-            f"method '{method.name}' found no cell that it could give a value",
-            cure="check the part frame, the outline and the sensors' limits, or try another method",
-            where=str(log),
-        )
+    require_cells(surface, str(log))
     run = RunFolder.create(out or default_folder(f"{log.resolve().stem}-fused"))
     with run.lock():
         # A fused run has no log of its own: it names the one that it was made from.

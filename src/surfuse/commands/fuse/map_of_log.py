@@ -8,6 +8,7 @@ import numpy as np
 
 from surfuse.commands.fuse.map_of_result import surface_of
 from surfuse.commands.outcome import Watcher
+from surfuse.errors import DataError
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FusionResult, MapGrid, Status, SurfaceMap
@@ -46,3 +47,18 @@ def opened(
         watcher.warn(warning)
     require_echoes(scan.readings, str(log))
     return scan
+
+
+def require_cells(surface: SurfaceMap, where: str) -> None:
+    """Refuse a map without a single value.
+
+    Raises
+    ------
+    DataError : no cell has a value; `where` names the readings.
+    """
+    if not surface.mask.any():
+        raise DataError(
+            f"method '{surface.method}' found no cell that it could give a value",
+            cure="check the part frame, the outline and the sensors' limits, or try another method",
+            where=where,
+        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,25 +22,82 @@ _EDGE_REFINEMENT = 10
 NEAR_M = 0.003
 
 
-def evaluate(surface_path: Path, truth_path: Path, scale: float) -> Outcome:
-    """Error of a map file or run against a mesh in the frame of the readings, or against another map."""
-    surface = read_map(surface_path)
-    truth = read_truth(truth_path, surface.grid, scale)
+@dataclass(frozen=True)
+class MapScore:
+    """How far a map is from the truth: errors at the nodes, share of near cells, position of the step's edge.
+
+    `within_3mm` is the share (0 to 1) of the true part's cells whose height is right to 3 mm; `edge_m` the mean signed
+    error of a step's position along v (positive: the higher side reaches too far), nan where truth has no step.
+    """
+
+    nodes: Score
+    within_3mm: float
+    edge_m: float
+
+    @property
+    def rmse_mm(self) -> float:
+        """Root mean square error, mm."""
+        return 1e3 * self.nodes.rmse_m
+
+    @property
+    def mae_mm(self) -> float:
+        """Mean absolute error, mm."""
+        return 1e3 * self.nodes.mae_m
+
+    @property
+    def bias_mm(self) -> float:
+        """Mean error, map minus truth, mm."""
+        return 1e3 * self.nodes.bias_m
+
+    @property
+    def p95_mm(self) -> float:
+        """95th percentile of the absolute error, mm."""
+        return 1e3 * self.nodes.p95_m
+
+    @property
+    def coverage(self) -> float:
+        """Share (0 to 1) of the true part's cells that have a value."""
+        return self.nodes.coverage
+
+    @property
+    def cells(self) -> int:
+        """Cells where map and truth both have a value."""
+        return self.nodes.cells
+
+    @property
+    def edge_mm(self) -> float:
+        """Error of the step's position, mm."""
+        return 1e3 * self.edge_m
+
+
+def map_score(surface: SurfaceMap, truth: SurfaceMap, fine_truth: SurfaceMap, where: str = "truth") -> MapScore:
+    """Score of a map against truth near its grid, and against finer truth for the edge (see `edge_truth`).
+
+    Raises
+    ------
+    DataError : map and truth have no cell in common; `where` names the truth.
+    """
     found = score(surface, truth)
     if found.cells == 0:
         raise DataError(
             "map and truth have no cell in common",
-            where=str(truth_path),
+            where=where,
             cure="give truth in the frame of the readings and in metres (see --scale)",
         )
-    near = share_within(surface, truth, NEAR_M)
-    summary: dict[str, object] = {"map": str(map_path(surface_path)), "truth": str(truth_path), **score_data(found)}
-    summary |= {"method": surface.method, "within_3mm": near}
-    rows = [*score_rows(found), ("within 3 mm", f"{100.0 * near:.1f} % of the true part")]
-    edge = edge_of(surface, edge_truth(truth_path, surface.grid, scale))
-    if not math.isnan(edge):
-        summary["edge_mm"] = 1e3 * edge
-        rows.append(("edge of the step", f"{1e3 * edge:+.1f} mm"))
+    return MapScore(found, share_within(surface, truth, NEAR_M), edge_of(surface, fine_truth))
+
+
+def evaluate(surface_path: Path, truth_path: Path, scale: float) -> Outcome:
+    """Error of a map file or run against a mesh in the frame of the readings, or against another map."""
+    surface = read_map(surface_path)
+    truth, fine = read_truth(truth_path, surface.grid, scale), edge_truth(truth_path, surface.grid, scale)
+    found = map_score(surface, truth, fine, where=str(truth_path))
+    summary: dict[str, object] = {"map": str(map_path(surface_path)), "truth": str(truth_path)}
+    summary |= {**score_data(found.nodes), "method": surface.method, "within_3mm": found.within_3mm}
+    rows = [*score_rows(found.nodes), ("within 3 mm", f"{100.0 * found.within_3mm:.1f} % of the true part")]
+    if not math.isnan(found.edge_m):
+        summary["edge_mm"] = found.edge_mm
+        rows.append(("edge of the step", f"{found.edge_mm:+.1f} mm"))
     return Outcome(summary, rows)
 
 
