@@ -163,6 +163,7 @@ class World(Protocol):
         """Choose the random stream of a stop: it depends on seed, stage and index alone."""
 
 
+@runtime_checkable
 class FusionMethod(Protocol):
     """Readings in, fused points (and perhaps a map) out, with explicit state.
 

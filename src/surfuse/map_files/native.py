@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import zlib
 from pathlib import Path
+from typing import BinaryIO
 
 import h5netcdf
 import numpy as np
@@ -72,8 +73,8 @@ def point_arrays(points: FusedPoints) -> tuple[_Array, ...]:
     return tuple(getattr(points, name) for name in (*POINT_COLUMNS, *READING_COLUMNS, "point_m", "start"))
 
 
-def write_native(path: Path, surface: SurfaceMap, points: FusedPoints | None) -> None:
-    """Write the file in place; the caller makes it atomic."""
+def write_native(path: Path | BinaryIO, surface: SurfaceMap, points: FusedPoints | None) -> None:
+    """Write the file in place, or into memory; the caller makes it atomic."""
     with h5netcdf.File(path, "w") as file:
         file.attrs.update(
             {
