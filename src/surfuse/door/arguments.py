@@ -26,7 +26,7 @@ def path_of(value: FilePath, name: str) -> Path:
     """
     if isinstance(value, str | os.PathLike):
         return Path(value)
-    raise UsageError(f"{name} = {_shown(value)}", cure="give the path of a file or folder")
+    raise UsageError(f"{name} = {shown(value)}", cure="give the path of a file or folder")
 
 
 def numbers(values: npt.ArrayLike, name: str, shape: tuple[int | None, ...]) -> FloatArray:
@@ -66,7 +66,7 @@ def names(values: npt.ArrayLike, name: str, count: int) -> list[str]:
     """
     cure = f"give {count} names or whole numbers, one a reading"
     if isinstance(values, str | bytes):
-        raise DataError(f"{name} = {_shown(values)} is one text", cure=cure)
+        raise DataError(f"{name} = {shown(values)} is one text", cure=cure)
     try:
         cells = list(np.asarray(values).astype(object).ravel()) if np.ndim(values) == 1 else None
     except ValueError:
@@ -75,7 +75,7 @@ def names(values: npt.ArrayLike, name: str, count: int) -> list[str]:
         raise DataError(f"{name} has shape {'of its own' if cells is None else (len(cells),)}", cure=cure)
     for row, cell in enumerate(cells):
         if isinstance(cell, bool) or not isinstance(cell, str | int | np.integer):
-            raise DataError(f"{name}[{row}] = {_shown(cell)}", cure=cure)
+            raise DataError(f"{name}[{row}] = {shown(cell)}", cure=cure)
     return [str(cell).strip() for cell in cells]
 
 
@@ -96,10 +96,11 @@ def plain_values(values: Mapping[str, object] | None, name: str) -> dict[str, ob
     if values is None:
         return {}
     if not isinstance(values, Mapping) or not all(isinstance(key, str) for key in values):
-        raise UsageError(f"{name} = {_shown(values)}", cure="give a mapping from names to values")
+        raise UsageError(f"{name} = {shown(values)}", cure="give a mapping from names to values")
     return {key: plain(value) for key, value in values.items()}
 
 
-def _shown(value: object) -> str:
-    text = repr(value)
+def shown(value: object) -> str:
+    """A value in one short line, for a message."""
+    text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:60]}..."

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from surfuse.door.arguments import names, numbers
+from surfuse.door.arguments import names, numbers, shown
 from surfuse.errors import DataError, nearest
 from surfuse.records import FloatArray, IntArray
 from surfuse.runs.reading_table import STATUS_WORDS, UNKNOWN_STATUS, ReadingTable, with_stop
@@ -119,7 +119,7 @@ def part_of_arrays(
         return GivenPart()
     where = f"{NAME}: frame"
     if not isinstance(frame, tuple | list) or len(frame) != 3:
-        raise DataError(f"{str(frame)[:60]} is not (origin, u, v)", where=where, cure="give three vectors (3,)")
+        raise DataError(f"{shown(frame)} is not (origin, u, v)", where=where, cure="give three vectors (3,)")
     vectors = {
         name: _finite(numbers(vector, f"{where}: {name}", (3,)), f"{where}: {name}").tolist()
         for name, vector in zip(("origin", "u", "v"), frame, strict=True)

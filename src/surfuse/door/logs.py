@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy.typing as npt
 
-from surfuse.door.arguments import FilePath, path_of
+from surfuse.door.arguments import FilePath, path_of, shown
 from surfuse.door.array_table import NAME, part_of_arrays, table_of_arrays, with_optional
 from surfuse.door.sensor import Sensor, sensor_of
 from surfuse.errors import UsageError
@@ -147,5 +147,5 @@ def _described(sensors: Mapping[str, Sensor] | None) -> tuple[DescribedSensor, .
         return ()
     wrong = not isinstance(sensors, Mapping) or not all(isinstance(one, Sensor) for one in sensors.values())
     if wrong or not sensors:
-        raise UsageError(f"sensors = {str(sensors)[:60]}", cure='give a mapping {"name": sf.Sensor(kind=..., ...)}')
+        raise UsageError(f"sensors = {shown(sensors)}", cure='give a mapping {"name": sf.Sensor(kind=..., ...)}')
     return tuple(one.described(str(name), f"{NAME}: sensors['{name}']") for name, one in sensors.items())

@@ -12,7 +12,7 @@ from surfuse.commands.fuse.methods import create_method, method_lines
 from surfuse.commands.judge.evaluation import MapScore, edge_truth, map_score, read_truth
 from surfuse.commands.judge.findings import findings_of
 from surfuse.commands.maps.map_files import map_path, read_map
-from surfuse.door.arguments import FilePath, path_of, plain_values
+from surfuse.door.arguments import FilePath, path_of, plain_values, shown
 from surfuse.door.logs import Log
 from surfuse.door.surface_map import SurfaceMap
 from surfuse.errors import UsageError
@@ -43,7 +43,7 @@ def fuse(
     DataError : no reading is an echo, or no cell of the map gets a value.
     """
     if not isinstance(log, Log):
-        raise UsageError(f"log = {str(log)[:60]!r} is no log", cure="give what sf.read or sf.log returned")
+        raise UsageError(f"log = {shown(log)} is no log", cure="give what sf.read or sf.log returned")
     scan = log.scan
     settings = _fusion_settings(method, parameters)
     chosen = create_method(settings) if isinstance(method, str) else method
@@ -61,7 +61,7 @@ def _fusion_settings(
     if isinstance(method, str):
         return from_tree({"fusion": {"method": method, "parameters": {method: values}}}, "sf.fuse").fusion
     if not isinstance(method, FusionMethod):
-        raise UsageError(f"method = {str(method)[:60]!r} is no fusion method", cure="give a name of sf.methods()")
+        raise UsageError(f"method = {shown(method)} is no fusion method", cure="give a name of sf.methods()")
     if values:
         raise UsageError("parameters beside a method of one's own", cure="give them to that method when it is made")
     return FusionSettings()
