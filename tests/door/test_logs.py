@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import surfuse as sf
+from surfuse.door.sensor import described
 from surfuse.runs.side_files import SENSOR_KEYS, described_sensor
 
 A = sf.Sensor(kind="ultrasonic", beam_full_angle_deg=13.0, range_min_m=0.2, range_max_m=1.2, sigma_m=0.0005)
@@ -311,14 +312,14 @@ def test_a_sensor_is_checked_when_it_is_made(changed, words):
 def test_a_sensor_has_the_keys_and_the_defaults_of_sensors_toml():
     assert {field.name for field in dataclasses.fields(sf.Sensor)} == set(SENSOR_KEYS)
     least = {"kind": "ultrasonic", "beam_full_angle_deg": 13.0, "range_min_m": 0.2, "range_max_m": 1.2, "sigma_m": 5e-4}
-    assert A.described("a", "") == described_sensor("a", least, "")
+    assert described(A, "a", "") == described_sensor("a", least, "")
 
 
 def test_numbers_of_numpy_describe_a_sensor():
     values = {"beam_full_angle_deg": np.float32(13.0), "range_min_m": np.float64(0.2), "range_max_m": np.int64(1)}
     found = sf.Sensor(kind="ultrasonic", sigma_m=np.float64(1e-3), late_tilt_deg=np.array([0.0]), **values,
                       late_bias_m=[0.0], late_scatter_m=(0.0,))  # fmt: skip
-    assert found.described("a", "").spec.range_max_m == 1.0
+    assert described(found, "a", "").spec.range_max_m == 1.0
 
 
 @pytest.mark.parametrize("wrong", ["nowhere.csv", "nowhere.mcap", 3, None, b"x\0y"])

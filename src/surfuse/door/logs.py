@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from surfuse.door.arguments import FilePath, path_of, shown
 from surfuse.door.array_table import NAME, part_of_arrays, table_of_arrays, with_optional
-from surfuse.door.sensor import Sensor, sensor_of
+from surfuse.door.sensor import Sensor, described, sensor_of
 from surfuse.errors import UsageError
 from surfuse.records import FloatArray, Readings
 from surfuse.runs.reading_table import scan_of_table
@@ -148,4 +148,4 @@ def _described(sensors: Mapping[str, Sensor] | None) -> tuple[DescribedSensor, .
     wrong = not isinstance(sensors, Mapping) or not all(isinstance(one, Sensor) for one in sensors.values())
     if wrong or not sensors:
         raise UsageError(f"sensors = {shown(sensors)}", cure='give a mapping {"name": sf.Sensor(kind=..., ...)}')
-    return tuple(one.described(str(name), f"{NAME}: sensors['{name}']") for name, one in sensors.items())
+    return tuple(described(one, str(name), f"{NAME}: sensors['{name}']") for name, one in sensors.items())

@@ -42,13 +42,19 @@ class Sensor:
     late_scatter_m: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        self.described("sensor", "sf.Sensor")
+        described(self, "sensor", "sf.Sensor")
 
-    def described(self, name: str, where: str) -> DescribedSensor:
-        """The same under its name, as the reader of sensors.toml gives it."""
-        table = {field.name: plain(getattr(self, field.name)) for field in fields(self)}
-        given = {key: list(value) if isinstance(value, tuple) else value for key, value in table.items()}
-        return described_sensor(name, {key: value for key, value in given.items() if value is not None}, where)
+
+def described(sensor: Sensor, name: str, where: str) -> DescribedSensor:
+    """The sensor under a name, as the reader of sensors.toml gives it; `where` stands before every message.
+
+    Raises
+    ------
+    ConfigError, DataError : a value of another type, or outside of its limits.
+    """
+    table = {field.name: plain(getattr(sensor, field.name)) for field in fields(sensor)}
+    given = {key: list(value) if isinstance(value, tuple) else value for key, value in table.items()}
+    return described_sensor(name, {key: value for key, value in given.items() if value is not None}, where)
 
 
 def sensor_of(spec: SensorSpec) -> Sensor:

@@ -49,15 +49,15 @@ class SceneSettings(Section):
 class TableSettings(Section):
     """The ring table."""
 
-    table_height_m: Length = 1.00
-    table_inner_radius_m: Length = 0.95
-    table_outer_radius_m: Length = 1.25
+    table_height_m: Length = Field(1.00, description="height of its surface above the floor")
+    table_inner_radius_m: Length = Field(0.95, description="radius of the hole that the arm stands in")
+    table_outer_radius_m: Length = Field(1.25, description="radius of its outer edge; nothing is measured beyond it")
 
 
 class ArmSettings(Section):
     """The arm and how it may move."""
 
-    name: str = "puma560"
+    name: str = Field("puma560", description="the built-in arm; `file` gives another one")
     file: str | None = Field(None, description="MJCF or URDF file of another arm")
     tool: str | None = Field(None, description="site, body or link of that file that carries the array; z along beams")
     driver: Literal["trident", "kinematic"] | None = Field(
@@ -97,12 +97,12 @@ class ArmSettings(Section):
 class CameraSettings(Section):
     """The camera on the shoulder; it turns with joint 1 and looks outward. `surfuse calibrate` writes this section."""
 
-    width_px: int = Field(500, ge=64, le=10000)
-    height_px: int = Field(582, ge=64, le=10000)
-    fx_px: float = Field(520.0, gt=0.0)
-    fy_px: float = Field(760.0, gt=0.0)
+    width_px: int = Field(500, ge=64, le=10000, description="columns of the picture")
+    height_px: int = Field(582, ge=64, le=10000, description="rows of the picture")
+    fx_px: float = Field(520.0, gt=0.0, description="focal length in widths of a pixel")
+    fy_px: float = Field(760.0, gt=0.0, description="focal length in heights of a pixel, which need not be square")
     cx_px: float | None = Field(None, ge=0.0, le=10000.0, description="principal point; default: middle of the picture")
-    cy_px: float | None = Field(None, ge=0.0, le=10000.0)
+    cy_px: float | None = Field(None, ge=0.0, le=10000.0, description="the same, from the top")
     distortion: tuple[float, float, float, float, float] = Field(
         (0.0, 0.0, 0.0, 0.0, 0.0), strict=False, description="k1, k2, p1, p2, k3 of OpenCV's lens model"
     )
@@ -126,9 +126,9 @@ class RangerSettings(Section):
 class SearchSettings(Section):
     """The search for the part."""
 
-    increment_deg: float = Field(15.0, gt=0.0, le=60.0)
+    increment_deg: float = Field(15.0, gt=0.0, le=60.0, description="turn of joint 1 between two pictures")
     threshold: str = Field("otsu", description="otsu, maximum_entropy, uniform_error or minimum_error")
-    smallest_part_m: float = Field(0.03, gt=0.0, le=1.0)
+    smallest_part_m: float = Field(0.03, gt=0.0, le=1.0, description="what is smaller in the picture is no part")
     tolerance_px: float = Field(1.5, gt=0.0, le=50.0, description="how far the outline may cut a corner")
     all_parts: bool = Field(False, description="go on to the end of the turn and show every part")
     part: int = Field(1, ge=1, le=1000, description="which part is scanned, in order of angle; above 1 all are sought")
@@ -137,7 +137,7 @@ class SearchSettings(Section):
 class ArraySettings(Section):
     """The four rangers at the wrist."""
 
-    sensor: str = "polaroid"
+    sensor: str = Field("polaroid", description="the kind of all four: a plug-in of the folder sensors")
     side_m: float = Field(0.05, ge=0.01, le=0.5, description="side of the square, ds")
     pings: int = Field(5, ge=1, le=100, description="emissions averaged for one reading; at most 31 over a bus")
     trigger: Literal["sequential", "simultaneous"] = Field(
@@ -153,7 +153,7 @@ class BusSettings(Section):
     )
     channel: str = Field("", description="name, port or group of the adapter; empty: the usual one")
     port: int = Field(43113, ge=1024, le=65535, description="UDP port of udp_multicast")
-    bitrate_bps: int = Field(1_000_000, ge=10_000, le=1_000_000)
+    bitrate_bps: int = Field(1_000_000, ge=10_000, le=1_000_000, description="bit rate of the bus")
     node: int = Field(1, ge=1, le=7, description="address of the node")
     connect_timeout_s: float = Field(20.0, gt=0.0, le=3600.0, description="wait for a node in another process")
     tether_port: int = Field(
@@ -164,11 +164,13 @@ class BusSettings(Section):
 class KitSettings(Section):
     """The ranging kit's parameters."""
 
-    frequency_hz: float = Field(63e3, ge=20e3, le=200e3)
-    cycles: int = Field(16, ge=1, le=64)
-    blanking_s: float = Field(1.9e-3, ge=0.0, le=0.02)
-    gain: float = Field(1.0, gt=0.0, le=1000.0)
-    tube_length_m: float = Field(0.20, ge=0.0, le=0.5)
+    frequency_hz: float = Field(63e3, ge=20e3, le=200e3, description="of the burst that is sent")
+    cycles: int = Field(16, ge=1, le=64, description="periods of the burst: more give a stronger, longer echo")
+    blanking_s: float = Field(
+        1.9e-3, ge=0.0, le=0.02, description="after the start of the burst nothing is heard: the nearest range"
+    )
+    gain: float = Field(1.0, gt=0.0, le=1000.0, description="factor on the gain of the receiver")
+    tube_length_m: float = Field(0.20, ge=0.0, le=0.5, description="of the tube that narrows the beam; 0: no tube")
     sample_rate_hz: float = Field(1e6, ge=1e4, le=1e9, description="rate of the clock that counts the time of flight")
     trigger: Literal["external", "internal"] = Field(
         "external", description="internal: every kit on its own clock, so that neighbours disturb each other"
@@ -178,15 +180,17 @@ class KitSettings(Section):
 class AirSettings(Section):
     """The air: what it is, and what the kit believes."""
 
-    temperature_c: float = Field(20.0, ge=-30.0, le=60.0)
-    assumed_temperature_c: float = Field(20.0, ge=-30.0, le=60.0)
-    humidity_percent: float = Field(50.0, ge=1.0, le=100.0)
+    temperature_c: float = Field(20.0, ge=-30.0, le=60.0, description="what it is")
+    assumed_temperature_c: float = Field(
+        20.0, ge=-30.0, le=60.0, description="what the kit takes it for when it turns times into ranges"
+    )
+    humidity_percent: float = Field(50.0, ge=1.0, le=100.0, description="relative humidity, which dampens echoes")
 
 
 class ScanSettings(Section):
     """The plan and the walk through it."""
 
-    standoff_m: Length = 0.43
+    standoff_m: Length = Field(0.43, description="from the faces of the transducers to the acquisition plane")
     margin_m: float | None = Field(
         None, ge=0.0, le=0.5, description="default: what the outline's uncertainty asks for, or two steps"
     )
@@ -203,14 +207,16 @@ class ScanSettings(Section):
 class FusionSettings(Section):
     """The fusion method, and parameters of any method by its name."""
 
-    method: str = "beam"
-    parameters: dict[str, dict[str, Plain]] = Field(default_factory=dict)
+    method: str = Field("beam", description="one of `surfuse methods`")
+    parameters: dict[str, dict[str, Plain]] = Field(
+        default_factory=dict, description="a table a method, `fusion.parameters.<method>.<key>`; see below"
+    )
 
 
 class Settings(Section):
     """The whole configuration."""
 
-    seed: int = Field(1, ge=0, le=2**63 - 1)
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="of everything that is random")
     scene: SceneSettings = SceneSettings()
     cell: TableSettings = TableSettings()
     arm: ArmSettings = ArmSettings()
