@@ -11,9 +11,7 @@ DATA = Path(__file__).parent / "data"
 log = sf.read(DATA / "readings.csv")  # sensors.toml, frame.toml and outline.csv lie beside it
 surface = sf.fuse(log, method="beam")
 
-print(
-    f"{len(log)} readings of {len(log.sensors)} sensors, part frame {'estimated' if log.frame_estimated else 'given'}"
-)
+print(f"{len(log)} readings of {', '.join(log.sensors)}; part frame estimated: {log.frame_estimated}")
 print(f"trust: {surface.trust}")
 for finding in surface.findings:
     print(f"  {finding.code}: {finding.what}")
