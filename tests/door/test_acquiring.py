@@ -55,6 +55,15 @@ def test_a_cell_file_and_a_seed(tmp_path):
     assert two.summary["stops"] > one.summary["stops"]
 
 
+def test_settings_may_be_nested_and_stay_the_caller_s(tmp_path):
+    given = {"scene": {"roughness": 0.5}, "scan": {"step_m": 0.09}, "arm.driver": "kinematic"}
+    run = sf.acquire("flat", out=tmp_path / "run", method="mean", settings=given)
+    assert given == {"scene": {"roughness": 0.5}, "scan": {"step_m": 0.09}, "arm.driver": "kinematic"}
+    text = (run.path / "run.toml").read_text("utf-8")
+    assert "roughness = 0.5" in text
+    assert "step_m = 0.09" in text
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

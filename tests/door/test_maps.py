@@ -284,9 +284,25 @@ def test_truth_elsewhere_is_refused(surface, tmp_path):
     far.export(tmp_path / "far.ply")
     with pytest.raises(sf.SurfuseError, match="frames of map and truth"):
         sf.evaluate(surface, truth=tmp_path / "far.ply")
-    for wrong in (3, None, tmp_path / "nowhere.ply"):
+    for wrong in (3, None, tmp_path / "nowhere.ply", "nowhere\0.ply"):
         with pytest.raises(sf.SurfuseError):
             sf.evaluate(surface, truth=wrong)
+    for scale in (0.0, -1.0, math.nan, "1", None, True):
+        with pytest.raises(sf.SurfuseError, match="scale"):
+            sf.evaluate(surface, tmp_path / "far.ply", scale=scale)
+
+
+@pytest.mark.parametrize("wrong", ["0", None, math.nan, math.inf, [0.0], True])
+def test_a_place_is_a_finite_number(surface, wrong):
+    with pytest.raises(sf.SurfuseError, match="v_mm"):
+        surface.why(u_mm=0, v_mm=wrong)
+    assert surface.why(np.float32(0.0), np.int64(20)).v_mm == pytest.approx(20.0, abs=10.0)
+
+
+@pytest.mark.parametrize("layer", [None, 3, ["height"]])
+def test_a_layer_is_a_name(surface, layer):
+    with pytest.raises(sf.SurfuseError, match="layer"):
+        surface.plot(layer=layer)
 
 
 def test_layers_are_read_only_and_the_map_shows_itself(surface):

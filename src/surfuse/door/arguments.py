@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +14,6 @@ from surfuse.errors import DataError, UsageError
 from surfuse.records import FloatArray
 
 FilePath = str | os.PathLike[str]
-Value = str | int | float | bool | None | tuple[float, ...] | list[float]
 _NUMBER_KINDS = "fiu"
 
 
@@ -77,6 +77,19 @@ def names(values: npt.ArrayLike, name: str, count: int) -> list[str]:
         if isinstance(cell, bool) or not isinstance(cell, str | int | np.integer):
             raise DataError(f"{name}[{row}] = {shown(cell)}", cure=cure)
     return [str(cell).strip() for cell in cells]
+
+
+def finite_number(value: float, name: str) -> float:
+    """A finite number.
+
+    Raises
+    ------
+    UsageError : anything else.
+    """
+    found = plain(value)
+    if isinstance(found, bool) or not isinstance(found, int | float) or not math.isfinite(found):
+        raise UsageError(f"{name} = {shown(value)}", cure="give a finite number")
+    return float(found)
 
 
 def plain(value: object) -> object:

@@ -12,7 +12,7 @@ from surfuse.commands.fuse.methods import create_method, method_lines
 from surfuse.commands.judge.evaluation import MapScore, edge_truth, map_score, read_truth
 from surfuse.commands.judge.findings import findings_of
 from surfuse.commands.maps.map_files import map_path, read_map
-from surfuse.door.arguments import FilePath, path_of, plain_values, shown
+from surfuse.door.arguments import FilePath, finite_number, path_of, plain_values, shown
 from surfuse.door.logs import Log
 from surfuse.door.surface_map import SurfaceMap
 from surfuse.errors import UsageError
@@ -103,12 +103,14 @@ def evaluate(surface: SurfaceMap | FilePath, truth: SurfaceMap | FilePath, scale
 
     Raises
     ------
+    UsageError : no path, or a scale that is not above 0.
     DataError : map and truth have no cell in common, or a file cannot be used.
     """
     record = surface.record if isinstance(surface, SurfaceMap) else read_map(path_of(surface, "surface"))
     if isinstance(truth, SurfaceMap):
         return map_score(record, truth.record, truth.record)
-    file = path_of(truth, "truth")
-    return map_score(
-        record, read_truth(file, record.grid, scale), edge_truth(file, record.grid, scale), where=str(file)
-    )
+    file, factor = path_of(truth, "truth"), finite_number(scale, "scale")
+    if not factor > 0.0:
+        raise UsageError(f"scale = {factor:g}", cure="give a factor > 0, 0.001 for millimetres")
+    near, fine = (reader(file, record.grid, factor) for reader in (read_truth, edge_truth))
+    return map_score(record, near, fine, where=str(file))

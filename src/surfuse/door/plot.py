@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from surfuse.door.arguments import shown
 from surfuse.door.optional import needed
 from surfuse.errors import UsageError, nearest
 from surfuse.records import SurfaceMap
@@ -22,8 +23,8 @@ def draw(surface: SurfaceMap, layer: str, axes: Axes | None) -> Axes:
     ConfigError : matplotlib is not installed.
     UsageError : another layer.
     """
-    if layer not in _TITLES:
-        raise UsageError(f"layer = '{layer}'", cure=nearest(str(layer), _TITLES))
+    if not isinstance(layer, str) or layer not in _TITLES:
+        raise UsageError(f"layer = {shown(layer)}", cure=nearest(str(layer), _TITLES))
     with needed("plot()", "plot"):
         import matplotlib.pyplot as plt
     if axes is None:

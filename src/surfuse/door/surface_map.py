@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from surfuse.commands.explain.explanation import CellExplanation, explanation_at
 from surfuse.commands.explain.map_source import MapSource, source_of
 from surfuse.commands.maps.map_files import format_of
-from surfuse.door.arguments import FilePath, path_of
+from surfuse.door.arguments import FilePath, finite_number, path_of
 from surfuse.errors import DataError, UsageError
 from surfuse.exporters import nc
 from surfuse.records import (
@@ -117,7 +117,8 @@ class SurfaceMap:
         UsageError : (u, v) is not on the map.
         DataError : the readings are not found, or are not those of the map.
         """
-        return explanation_at(self._source(log), 1e-3 * float(u_mm), 1e-3 * float(v_mm))
+        u_m, v_m = 1e-3 * finite_number(u_mm, "u_mm"), 1e-3 * finite_number(v_mm, "v_mm")
+        return explanation_at(self._source(log), u_m, v_m)
 
     def _source(self, log: FilePath | None) -> MapSource:
         if self.source is not None:

@@ -328,7 +328,11 @@ def _assign(tree: dict[str, object], text: str) -> None:
 
 
 def _put(tree: dict[str, object], path: str, value: object) -> None:
-    """Put a value into the tree at a path of keys; the tables on the way are made."""
+    """Put a value into the tree at a path of keys, a table key by key; the tables on the way are made."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            _put(tree, f"{path}.{key}", inner)
+        return
     node, keys = tree, [key.strip() for key in path.split(".")]
     for key in keys[:-1]:
         child = node.setdefault(key, {})
