@@ -25,8 +25,8 @@ from surfuse.plan.front_view import front_view
 from surfuse.plan.margin import margin_for, scan_area
 from surfuse.records import CameraFrame, FloatArray, Outline
 from surfuse.report.line_charts import Chart, Series, picture
-from surfuse.rig.devices import world_from_shoulder
-from surfuse.rig.simulated.assembly import camera_model, camera_mount, ranger_mount, shoulder_spec
+from surfuse.rig.description import camera_model, camera_mount, ranger_mount, shoulder_spec
+from surfuse.rig.mounts import world_from_shoulder
 from surfuse.settings import from_tree
 from surfuse.twin.materials import Material
 from surfuse.twin.scene import Scene, SceneBody, table_bodies

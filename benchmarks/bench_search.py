@@ -18,8 +18,8 @@ from surfuse.acquisition.search import SearchParameters, SearchResult, search
 from surfuse.arm_models.puma560 import LIMITS
 from surfuse.commands.acquire.locating import finder
 from surfuse.records import CameraFrame
-from surfuse.rig.devices import world_from_shoulder
-from surfuse.rig.simulated.assembly import camera_model, camera_mount
+from surfuse.rig.description import camera_model, camera_mount
+from surfuse.rig.mounts import world_from_shoulder
 from surfuse.settings import from_tree
 from surfuse.twin.materials import Material
 from surfuse.twin.optics import OpticsParameters, render

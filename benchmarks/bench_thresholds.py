@@ -15,7 +15,7 @@ import numpy as np
 
 from surfuse.cameras import REFERENCE_MODEL
 from surfuse.commands.pictures.threshold_comparison import compare
-from surfuse.rig.devices import looking_outwards
+from surfuse.rig.mounts import looking_outwards
 from surfuse.twin.materials import Material
 from surfuse.twin.optics import render, visible
 from surfuse.twin.scene import Scene, table_bodies

@@ -7,7 +7,7 @@ import pytest
 
 from surfuse.acquisition.search import SearchParameters, search
 from surfuse.records import CameraFrame, CameraModel
-from surfuse.rig.devices import looking_outwards, world_from_shoulder
+from surfuse.rig.mounts import looking_outwards, world_from_shoulder
 from surfuse.twin.materials import Material
 from surfuse.twin.optics import OpticsParameters, render
 from surfuse.twin.scene import Scene, table_bodies

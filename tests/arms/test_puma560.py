@@ -166,13 +166,13 @@ def test_singularities_are_where_the_jacobian_loses_rank() -> None:
 def test_nearest_uses_the_closer_turn_of_joint_six() -> None:
     current = np.array([0.1, 0.8, -2.6, 0.2, 0.8, np.radians(200.0)])
     solutions, valid = BARE.inverse(BARE.forward(current)[None])
-    joints, index = BARE.nearest(solutions, valid, current)
+    joints, index = BARE.nearest_configuration(solutions, valid, current)
     assert CONFIGURATIONS[index[0]] == "ruf"
     assert_allclose(joints[0], current, atol=1e-9)
 
 
 def test_nearest_without_a_valid_solution_is_nan() -> None:
-    joints, index = BARE.nearest(np.full((2, 8, 6), np.nan), np.zeros((2, 8), dtype=bool), np.zeros(6))
+    joints, index = BARE.nearest_configuration(np.full((2, 8, 6), np.nan), np.zeros((2, 8), dtype=bool), np.zeros(6))
     assert np.isnan(joints).all()
     assert index.tolist() == [-1, -1]
 

@@ -9,11 +9,12 @@ import pytest
 from surfuse.commands.rangers import acceptance
 from surfuse.commands.rangers.acceptance import accept, judge, measured_model, metres
 from surfuse.commands.rangers.acceptance_checks import AcceptanceLimits
-from surfuse.commands.rangers.acceptance_trials import FAULTS, Trials, planted, twin_trials
+from surfuse.commands.rangers.acceptance_trials import Trials, twin_trials
 from surfuse.commands.rangers.sensor_sheet import NAMED
 from surfuse.errors import DataError, UsageError
 from surfuse.records import SensorSpec
-from surfuse.rig.simulated.ranger_bench import shots_of
+from surfuse.rig.simulated.acceptance_bench import FAULTS, planted
+from surfuse.rig.simulated.ranger_bench import known_readings_of
 from surfuse.runs.scan_source import load_scan
 from surfuse.runs.side_files import read_corrections, read_sensors, sensors_toml
 from surfuse.twin.acoustics.noise import AcousticNoise
@@ -28,7 +29,7 @@ def faults_of(spec, trials):
 
 @pytest.fixture(scope="module")
 def good():
-    return twin_trials(SPEC, *planted(SPEC, None))
+    return twin_trials(planted(SPEC, None))
 
 
 def test_a_good_sensor_passes_every_check_and_all_are_tested(good):
@@ -40,19 +41,19 @@ def test_a_good_sensor_passes_every_check_and_all_are_tested(good):
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_planted_fault_is_named_and_no_other(fault):
-    assert faults_of(SPEC, twin_trials(SPEC, *planted(SPEC, fault), seed=2)) == [fault]
+    assert faults_of(SPEC, twin_trials(planted(SPEC, fault), seed=2)) == [fault]
 
 
 def test_other_sensors_pass_too():
     bare = NAMED["polaroid_bare"]
-    assert faults_of(bare, twin_trials(bare, *planted(bare, None))) == []
-    laser = judge(LASER, twin_trials(LASER, *planted(LASER, None)))
+    assert faults_of(bare, twin_trials(planted(bare, None))) == []
+    laser = judge(LASER, twin_trials(planted(LASER, None)))
     assert all(check.passed for check in laser)
     assert {check.name for check in laser if check.value is None} == {"cycle slips", "beam", "cross-talk"}
 
 
 def test_cross_talk_is_between_neighbours_on_both_sides_of_a_step():
-    matrix = twin_trials(SPEC, *planted(SPEC, "cross-talk")).crosstalk
+    matrix = twin_trials(planted(SPEC, "cross-talk")).crosstalk
     np.testing.assert_array_equal(np.diag(matrix), 0.0)
     # Sensors 0 and 2 stand over the near side first, so that their bursts reach the far ones too early.
     assert matrix[0, 1] > matrix[1, 0]
@@ -74,7 +75,7 @@ def test_page_and_model_are_written_and_a_refusal_says_why(tmp_path, monkeypatch
     deaf = replace(
         good.facing, status=np.ones_like(good.facing.status), range_m=np.full_like(good.facing.range_m, np.inf)
     )
-    monkeypatch.setattr(acceptance, "twin_trials", lambda spec, physics, together, seed: replace(good, facing=deaf))
+    monkeypatch.setattr(acceptance, "twin_trials", lambda ranger, seed: replace(good, facing=deaf))
     page, model = tmp_path / "a.html", tmp_path / "m.toml"
     outcome = accept("polaroid", None, page, model)
     assert outcome.summary["passed"] is False
@@ -146,8 +147,8 @@ def test_slips_are_told_from_noise_and_do_not_count_as_bias():
     generator = np.random.default_rng(1)
     ranges = 0.5 + generator.normal(0.0, 3e-4, 200)
     ranges[:40] += half
-    shots = shots_of(SPEC, np.full(200, 0.5), np.zeros(200), None, ranges)
-    found = {check.fault: check for check in judge(SPEC, Trials(shots))}
+    known = known_readings_of(SPEC, np.full(200, 0.5), np.zeros(200), None, ranges)
+    found = {check.fault: check for check in judge(SPEC, Trials(known))}
     assert found["cycle slips"].value == pytest.approx(20.0, abs=0.5)
     assert found["bias"].passed
     assert found["noise"].passed
@@ -161,8 +162,8 @@ def test_limits_and_distances_are_checked():
             metres(text)
     with pytest.raises(UsageError, match="did you mean 'drift'"):
         planted(SPEC, "drit")
-    shots = shots_of(LASER, np.ones(9), np.zeros(9), None, np.linspace(1.0, 1.001, 9))
-    strict = judge(LASER, Trials(shots), AcceptanceLimits(noise_factor=0.01))
+    known = known_readings_of(LASER, np.ones(9), np.zeros(9), None, np.linspace(1.0, 1.001, 9))
+    strict = judge(LASER, Trials(known), AcceptanceLimits(noise_factor=0.01))
     assert [check.fault for check in strict if not check.passed] == ["noise"]
 
 

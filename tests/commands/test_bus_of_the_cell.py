@@ -11,7 +11,7 @@ from surfuse.commands.acquire.results import bus_event
 from surfuse.errors import ConfigError
 from surfuse.node.counters import BusEvent, Tally
 from surfuse.records import Status
-from surfuse.rig.devices import looking_outwards, world_from_shoulder
+from surfuse.rig.mounts import looking_outwards, world_from_shoulder
 from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.settings import load
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from surfuse.cli import main
-from surfuse.rig.devices import Mount, looking_outwards, mount_of
+from surfuse.rig.mounts import Mount, looking_outwards, mount_of
 from surfuse.settings import load
 
 TRUTH = """

@@ -15,8 +15,8 @@ from surfuse.node.messages import TriggerSource
 from surfuse.node.responder import NodeIdentity, Responder
 from surfuse.node.timeouts import NodeTimeouts
 from surfuse.records import Status
-from surfuse.rig.devices import looking_outwards, world_from_shoulder
-from surfuse.rig.simulated.assembly import square_fixture
+from surfuse.rig.description import square_fixture
+from surfuse.rig.mounts import looking_outwards, world_from_shoulder
 from surfuse.rig.simulated.kit_by_message import kit_as_message, kit_from_message
 from surfuse.rig.simulated.tethered_sensors import TetheredSensors
 from surfuse.settings import load

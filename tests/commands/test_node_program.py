@@ -20,9 +20,10 @@ from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import CanFrame
 from surfuse.node.responder import NodeIdentity, Responder
 from surfuse.records import Status
-from surfuse.rig.devices import looking_outwards, world_from_shoulder
+from surfuse.rig.description import square_fixture
+from surfuse.rig.mounts import looking_outwards, world_from_shoulder
 from surfuse.rig.node_array import elsewhere
-from surfuse.rig.simulated.assembly import SimulatedClock, array_sensors, build_world, simulated_rig, square_fixture
+from surfuse.rig.simulated.assembly import SimulatedClock, array_sensors, build_world, simulated_rig
 from surfuse.rig.simulated.tethered_sensors import TetheredSensors
 from surfuse.settings import load
 from surfuse.twin.tether import HostEnd, NodeEnd, Place

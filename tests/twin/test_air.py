@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from surfuse.errors import ConfigError
-from surfuse.twin.acoustics.air import AirParameters, absorption, absorption_db_per_m, speed_of_sound
+from surfuse.physics.air import speed_of_sound
+from surfuse.twin.acoustics.air import AirParameters, absorption, absorption_db_per_m
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "acoustics_reference.json").read_text())
 

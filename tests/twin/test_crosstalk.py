@@ -8,7 +8,8 @@ import pytest
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FloatArray, Status
-from surfuse.rig.devices import Rig, looking_outwards, world_from_shoulder
+from surfuse.rig.devices import Rig
+from surfuse.rig.mounts import looking_outwards, world_from_shoulder
 from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.settings import load
 from surfuse.twin.acoustics.crosstalk import ping_together

@@ -13,8 +13,8 @@ from surfuse.arm_models.puma560_dynamics import FIXTURE, bare_puma560, loaded_pu
 from surfuse.arm_models.puma560_volume import CAPSULES, TOOL_LINK  # noqa: E402
 from surfuse.geometry.poses import inverse  # noqa: E402
 from surfuse.motion.body import fixture_capsules  # noqa: E402
-from surfuse.rig.simulated.arm import puma560_kinematics  # noqa: E402
-from surfuse.rig.simulated.assembly import square_fixture  # noqa: E402
+from surfuse.rig.configured_arm import puma560_kinematics  # noqa: E402
+from surfuse.rig.description import square_fixture  # noqa: E402
 from surfuse.settings import load  # noqa: E402
 from surfuse.twin.dynamics.mujoco_arm import MujocoArm, mjcf  # noqa: E402
 

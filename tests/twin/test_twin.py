@@ -7,7 +7,8 @@ from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.interfaces import World
 from surfuse.records import CameraModel, SensorSpec
-from surfuse.rig.simulated.assembly import array_spec, build_world
+from surfuse.rig.description import array_spec
+from surfuse.rig.simulated.assembly import build_world
 from surfuse.settings import load
 from surfuse.twin.acoustics.kit import BARE, TUBE, KitParameters
 from surfuse.twin.materials import Material, with_roughness

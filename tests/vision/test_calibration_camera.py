@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from surfuse.commands.calibrate.calibration_pictures import seen_board
 from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.poses import pose, rotation_about, transform_points
 from surfuse.records import CameraModel
+from surfuse.rig.simulated.board_pictures import seen_board
 from surfuse.vision.calibration_camera import CalibrationParameters, calibrate_camera, view_error
 from surfuse.vision.calibration_target import NotSeen, Target, TargetView, look_for
 from surfuse.vision.rays import pixels_of

@@ -8,7 +8,7 @@ import pytest
 from surfuse.errors import DataError
 from surfuse.geometry.poses import inverse, pose, rotation_about, transform_points
 from surfuse.records import CameraModel
-from surfuse.rig.devices import looking_outwards
+from surfuse.rig.mounts import looking_outwards
 from surfuse.vision.calibration_ranger import calibrate_shoulder_ranger
 from surfuse.vision.calibration_shoulder import ShoulderParameters, calibrate_shoulder_camera
 from surfuse.vision.calibration_target import Target, TargetView

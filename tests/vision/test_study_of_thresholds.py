@@ -10,7 +10,7 @@ import pytest
 from surfuse.cameras import REFERENCE_MODEL
 from surfuse.cli import main
 from surfuse.commands.pictures.threshold_study import CONDITIONS, study
-from surfuse.rig.devices import looking_outwards
+from surfuse.rig.mounts import looking_outwards
 from surfuse.twin.materials import Material
 from surfuse.twin.optics import OpticsParameters, render, visible
 from surfuse.twin.scene import Scene

@@ -15,10 +15,11 @@ from surfuse.records.guard import GuardReason, RegionDecision, in_words
 from surfuse.records.pictures import CameraFrame, CameraModel, Detection, Outline
 from surfuse.records.plan import ScanPlan, SkippedStop
 from surfuse.records.readings import Readings, readings_from_sweeps
-from surfuse.records.sensing import Echo, Fixture, JointSamples, JointState, LateTable, SensorSpec, Sweep
+from surfuse.records.sensing import ULTRASONIC, Echo, Fixture, JointSamples, JointState, LateTable, SensorSpec, Sweep
 from surfuse.records.surface import FusionResult, MapGrid, Score, SurfaceMap
 
 __all__ = [
+    "ULTRASONIC",
     "BoolArray",
     "ByteArray",
     "CameraFrame",

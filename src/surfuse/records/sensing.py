@@ -33,6 +33,8 @@ class LateTable:
             raise DataError("a late table with a bias that is not finite or a scatter below 0", cure="calibrate again")
 
 
+ULTRASONIC = "ultrasonic"
+
 # Beyond these a wrong unit is likelier than the sensor (kHz for Hz, mm for m).
 _LIMITS = {"frequency_hz": (1e3, 1e9), "aperture_m": (1e-4, 1.0), "dead_length_m": (0.0, 10.0)}
 

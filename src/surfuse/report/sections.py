@@ -59,12 +59,6 @@ def relief_section() -> Markup:
 
 def explorer_section(has_stops: bool) -> Markup:
     """Heat maps with read-out, and profile cuts through the place under the cursor."""
-    canvas: dict[str, Value] = {
-        "data-role": "heat",
-        "tabindex": 0,
-        "role": "img",
-        "aria-label": "Heat map; arrow keys move the cursor",
-    }
     facts = (
         "its height, its uncertainty, and why the nearest stop has its value" if has_stops else "height and uncertainty"
     )
@@ -74,6 +68,19 @@ def explorer_section(has_stops: bool) -> Markup:
         f"Point at a place to read {facts}. A click holds the cursor, a second one frees it; "
         "arrow keys move it by one cell. Places without a value stay empty.",
     )
+    return section(
+        "maps", "Maps and cuts", intro, element("div", {"data-explorer": 0}, *_heat_map(), *_cuts()), long=True
+    )
+
+
+def _heat_map() -> tuple[Markup, ...]:
+    """What chooses a map and a layer, the canvas, and the values under the cursor."""
+    canvas: dict[str, Value] = {
+        "data-role": "heat",
+        "tabindex": 0,
+        "role": "img",
+        "aria-label": "Heat map; arrow keys move the cursor",
+    }
     controls = element(
         "div",
         {"class": "controls"},
@@ -83,23 +90,23 @@ def explorer_section(has_stops: bool) -> Markup:
     )
     heat = element("figure", None, element("canvas", canvas), element("figcaption", {"data-role": "caption"}))
     readout = element("div", {"class": "readout", "data-role": "readout", "aria-label": "Values under the cursor"})
-    sliders = element(
-        "div", {"class": "controls"}, _slider("slide-v", "Cut at v =", "at-v"), _slider("slide-u", "Cut at u =", "at-u")
-    )
-    charts = element("div", {"class": "two"}, *(_cut_figure(along) for along in ("u", "v")))
-    cuts = "The band is the chosen map plus and minus two standard deviations."
-    body = element(
-        "div",
-        {"data-explorer": 0},
-        controls,
-        element("div", {"class": "explorer-grid"}, heat, readout),
+    return controls, element("div", {"class": "explorer-grid"}, heat, readout)
+
+
+def _cuts() -> tuple[Markup, ...]:
+    """The profile cuts along u and along v, and what moves them."""
+    return (
         element("h3", None, "Profile cuts through the cursor"),
-        element("p", None, cuts),
-        sliders,
+        element("p", None, "The band is the chosen map plus and minus two standard deviations."),
+        element(
+            "div",
+            {"class": "controls"},
+            _slider("slide-v", "Cut at v =", "at-v"),
+            _slider("slide-u", "Cut at u =", "at-u"),
+        ),
         element("div", {"class": "legend", "data-role": "legend"}),
-        charts,
+        element("div", {"class": "two"}, *(_cut_figure(along) for along in ("u", "v"))),
     )
-    return section("maps", "Maps and cuts", intro, body, long=True)
 
 
 def _cut_figure(along: str) -> Markup:

@@ -4,26 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from surfuse.interfaces import Kinematics
 from surfuse.motion.body import Capsule
 from surfuse.motion.limits import JointLimits
-from surfuse.motion.moving_arm import MovingArm
 from surfuse.motion.obstacles import Obstacle
 from surfuse.records import FloatArray
-
-
-class TwinArm(MovingArm, Protocol):
-    """An arm of the twin: it also says where its links truly are, for the simulated devices that ride on it."""
-
-    @property
-    def true_joints_rad(self) -> FloatArray: ...
-    def true_tool_pose(self) -> FloatArray:
-        """`world_from_tool` (4, 4) at the true joints."""
-
-    def begin_stop(self) -> None:
-        """Forget all history: what happens at a stop depends on its target and the one before alone."""
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -140,26 +142,14 @@ def grid_points(points: FusedPoints, grid: MapGrid, method: str, outline: Outlin
 
     `points.point_m` are in the part frame of the grid.
     """
-    # A sum of three is finite when all of them are; three columns are quicker than rows of three.
-    place = points.point_m.T
-    valid = np.flatnonzero((points.gap == Gap.NONE) & np.isfinite(place[0] + place[1] + place[2]))
-    u, v, w = (column[valid] for column in place)
-    sigma = points.sigma_m[valid]
-    if not np.all(sigma > 0.0):
-        raise DataError(f"method '{method}' gave a fused value the standard deviation {float(np.min(sigma))}")
-    steps = [np.diff(nodes) for nodes in (grid.u_m, grid.v_m) if len(nodes) > 1]
-    reach = 0.5 * float(np.min(np.concatenate(steps))) if steps else np.inf
-    column, fits_u = _nearest(u, grid.u_m, reach)
-    row, fits_v = _nearest(v, grid.v_m, reach)
-    used = fits_u & fits_v
-    cell = (row * grid.shape[1] + column)[used]
-    valid, w, weight = valid[used], w[used], 1.0 / sigma[used] ** 2
+    binned = _binned(points, grid, method)
+    valid, cell, w, weight = binned.point, binned.cell, binned.height_m, binned.weight
+    nodes = grid.shape[0] * grid.shape[1]
 
     def summed(values: FloatArray) -> FloatArray:
-        sums = np.bincount(cell, weights=values, minlength=grid.shape[0] * grid.shape[1])
-        return sums.astype(np.float64, copy=False)
+        return np.bincount(cell, weights=values, minlength=nodes).astype(np.float64, copy=False)
 
-    number = np.bincount(cell, minlength=grid.shape[0] * grid.shape[1]).astype(np.float64)
+    number = np.bincount(cell, minlength=nodes).astype(np.float64)
     total = summed(weight)
     mask = number > 0
     height = _ratio(summed(weight * w), total)
@@ -183,6 +173,32 @@ def grid_points(points: FusedPoints, grid: MapGrid, method: str, outline: Outlin
         regime=shaped(np.full(len(mask), float(Regime.MEASURED)), float(Regime.EMPTY)).astype(np.uint8),
         method=method,
     )
+
+
+class _Binned(NamedTuple):
+    """The K fused points that belong to a node: numbers of point and node (K,), height, weight 1 / sigma^2."""
+
+    point: IntArray
+    cell: IntArray
+    height_m: FloatArray
+    weight: FloatArray
+
+
+def _binned(points: FusedPoints, grid: MapGrid, method: str) -> _Binned:
+    # A sum of three is finite when all of them are; three columns are quicker than rows of three.
+    place = points.point_m.T
+    valid = np.flatnonzero((points.gap == Gap.NONE) & np.isfinite(place[0] + place[1] + place[2]))
+    u, v, w = (column[valid] for column in place)
+    sigma = points.sigma_m[valid]
+    if not np.all(sigma > 0.0):
+        raise DataError(f"method '{method}' gave a fused value the standard deviation {float(np.min(sigma))}")
+    steps = [np.diff(nodes) for nodes in (grid.u_m, grid.v_m) if len(nodes) > 1]
+    reach = 0.5 * float(np.min(np.concatenate(steps))) if steps else np.inf
+    column, fits_u = _nearest(u, grid.u_m, reach)
+    row, fits_v = _nearest(v, grid.v_m, reach)
+    used = fits_u & fits_v
+    cell = (row * grid.shape[1] + column)[used]
+    return _Binned(valid[used], cell, w[used], 1.0 / sigma[used] ** 2)
 
 
 def _ratio(numerator: FloatArray, denominator: FloatArray) -> FloatArray:

@@ -11,8 +11,9 @@ import numpy as np
 
 from surfuse.errors import ConfigError
 from surfuse.interfaces import Generator
-from surfuse.records import ByteArray, CameraModel, FloatArray, SensorSpec
-from surfuse.twin.acoustics.air import AirParameters, speed_of_sound
+from surfuse.physics.air import speed_of_sound
+from surfuse.records import ULTRASONIC, ByteArray, CameraModel, FloatArray, SensorSpec
+from surfuse.twin.acoustics.air import AirParameters
 from surfuse.twin.acoustics.beam import BundleParameters
 from surfuse.twin.acoustics.crosstalk import ping_together
 from surfuse.twin.acoustics.kit import BARE, TUBE, KitParameters, TransducerParameters
@@ -22,7 +23,6 @@ from surfuse.twin.materials import MATERIALS, Material, Surface
 from surfuse.twin.optics import OpticsParameters, render
 from surfuse.twin.scene import Scene
 
-ULTRASONIC = "ultrasonic"
 _ECHOES, _LIGHT, _ARM = 0, 1, 2
 
 

@@ -12,7 +12,8 @@ from surfuse.acquisition.search import FoundPart, SearchParameters, SearchResult
 from surfuse.commands.outcome import Watcher
 from surfuse.errors import DataError
 from surfuse.records import CameraFrame, Detection, Outline, Status
-from surfuse.rig.devices import Rig, world_from_shoulder
+from surfuse.rig.devices import Rig
+from surfuse.rig.mounts import world_from_shoulder
 from surfuse.settings import Settings
 from surfuse.vision.distance import ShoulderRange
 from surfuse.vision.dominant_points import DominantPointParameters

@@ -25,8 +25,8 @@ from surfuse.commands.outcome import Outcome
 from surfuse.durable import refuse_existing, write_text
 from surfuse.errors import DataError, UsageError
 from surfuse.records import ByteArray, CameraModel, FloatArray
-from surfuse.rig.devices import mount_of
-from surfuse.rig.simulated.assembly import camera_model
+from surfuse.rig.description import camera_model
+from surfuse.rig.mounts import mount_of
 from surfuse.settings import load
 from surfuse.vision.calibration_camera import CalibrationParameters, calibrate_camera
 from surfuse.vision.calibration_ranger import ShoulderRanger, calibrate_shoulder_ranger
@@ -38,7 +38,7 @@ _COLUMNS = ("image", "joint1_deg")
 
 
 @dataclass(frozen=True)
-class ShoulderShot:
+class AngleView:
     """One row of the table of views: the picture, the angle of joint 1, and the shoulder ranger's range (nan: none)."""
 
     image: Path
@@ -91,14 +91,16 @@ def shoulder_from_views(
     _check_output(out, force)
     settings = load(camera_file)
     camera = camera_model(settings)
-    shots = read_views(views)
-    seen = [_look(target, shot, camera) for shot in shots]
-    used = [(shot, view) for shot, view in zip(shots, seen, strict=True) if isinstance(view, TargetView)]
+    angle_views = read_views(views)
+    seen = [_look(target, angle_view, camera) for angle_view in angle_views]
+    used = [
+        (angle_view, view) for angle_view, view in zip(angle_views, seen, strict=True) if isinstance(view, TargetView)
+    ]
     left_out = tuple(view for view in seen if isinstance(view, NotSeen))
-    angles = np.array([shot.joint1_rad for shot, _ in used])
+    angles = np.array([angle_view.joint1_rad for angle_view, _ in used])
     found = calibrate_shoulder_camera(camera, target, tuple(view for _, view in used), angles, first_corner_m)
     height_m = settings.ranger.height_m if ranger_height_m is None else ranger_height_m
-    ranger = _ranger(shots, found, height_m)
+    ranger = _ranger(angle_views, found, height_m)
     mount = mount_of(found.shoulder_from_camera)
     result = ShoulderResult(found, mount, ranger, height_m, len(used), left_out)
     write_text(out, shoulder_toml(result, camera, settings.camera.noise_levels), overwrite=force)
@@ -121,7 +123,7 @@ def place_of(text: str) -> FloatArray:
     return place
 
 
-def read_views(path: Path) -> tuple[ShoulderShot, ...]:
+def read_views(path: Path) -> tuple[AngleView, ...]:
     """Rows of a CSV file with the columns image (relative to the file), joint1_deg and perhaps range_m.
 
     Raises
@@ -142,10 +144,10 @@ def read_views(path: Path) -> tuple[ShoulderShot, ...]:
         )
     if not rows:
         raise DataError("the table has no rows", cure="give one row a picture", where=str(path))
-    return tuple(_shot(row, path, line) for line, row in enumerate(rows, 2))
+    return tuple(_angle_view(row, path, line) for line, row in enumerate(rows, 2))
 
 
-def _shot(row: dict[str, str], path: Path, line: int) -> ShoulderShot:
+def _angle_view(row: dict[str, str], path: Path, line: int) -> AngleView:
     def number(name: str) -> float:
         text = (row.get(name) or "").strip()
         try:
@@ -159,26 +161,26 @@ def _shot(row: dict[str, str], path: Path, line: int) -> ShoulderShot:
     image = (row.get("image") or "").strip()
     if not image:
         raise DataError("no picture", cure="give a file name", where=f"{path}:{line}")
-    return ShoulderShot(path.parent / image, math.radians(angle), number("range_m"))
+    return AngleView(path.parent / image, math.radians(angle), number("range_m"))
 
 
-def _look(target: Target, shot: ShoulderShot, camera: CameraModel) -> TargetView | NotSeen:
-    picture = read_picture(shot.image)
+def _look(target: Target, angle_view: AngleView, camera: CameraModel) -> TargetView | NotSeen:
+    picture = read_picture(angle_view.image)
     if picture.shape != (camera.height_px, camera.width_px):
         raise DataError(
             f"{picture.shape[1]} x {picture.shape[0]} pixels, the camera has {camera.width_px} x {camera.height_px}",
             cure="give the camera's own file with --camera",
-            where=str(shot.image),
+            where=str(angle_view.image),
         )
-    return look_for(target, picture, shot.image.name)
+    return look_for(target, picture, angle_view.image.name)
 
 
-def _ranger(shots: tuple[ShoulderShot, ...], found: ShoulderCamera, height_m: float) -> ShoulderRanger | None:
+def _ranger(angle_views: tuple[AngleView, ...], found: ShoulderCamera, height_m: float) -> ShoulderRanger | None:
     """From all rows with a range, also those whose picture does not show the target; None without any."""
-    ranges = np.array([shot.range_m for shot in shots])
+    ranges = np.array([angle_view.range_m for angle_view in angle_views])
     if not np.any(np.isfinite(ranges)):
         return None
-    angles = np.array([shot.joint1_rad for shot in shots])
+    angles = np.array([angle_view.joint1_rad for angle_view in angle_views])
     return calibrate_shoulder_ranger(found.world_from_target, angles, ranges, height_m)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from surfuse import __version__
 from surfuse.records import CameraModel
-from surfuse.rig.devices import Mount
+from surfuse.rig.mounts import Mount
 from surfuse.vision.calibration_camera import CameraCalibration
 from surfuse.vision.calibration_ranger import ShoulderRanger
 from surfuse.vision.calibration_shoulder import ShoulderCamera

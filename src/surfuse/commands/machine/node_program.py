@@ -24,11 +24,10 @@ from surfuse.node.firmware import MonotonicClock, run
 from surfuse.node.link import BusLink, open_bus
 from surfuse.node.responder import Average, Configure, NodeIdentity, Responder, SimultaneousFire
 from surfuse.node.simultaneous_fire import ThreadedVolley
-from surfuse.rig.simulated.assembly import bus_parameters
+from surfuse.rig.description import bus_parameters
 from surfuse.rig.simulated.tethered_sensors import TetheredSensors
 from surfuse.runs.toml_file import read_toml, refuse_unknown
 from surfuse.settings import BUS_PINGS_LIMIT, BusSettings, from_tree
-from surfuse.twin.tether import NodeEnd
 
 DEFAULT_BUS = "udp_multicast"
 OWN_SENSORS = ("a02yyuw", "hcsr04", "iio", "maxbotix", "tfmini")
@@ -75,7 +74,7 @@ def node(
             simulated = TetheredSensors()
             clock, sensors = simulated.clock, simulated.sensors
             if chosen.bus.tether_port:
-                opening.enter_context(NodeEnd(chosen.bus.tether_port, simulated.configure, simulated.move))
+                opening.enter_context(simulated.tether(chosen.bus.tether_port))
             fire_together, configure = simulated.fire_together, simulated.set_kit
         responder = Responder(
             sensors,

@@ -31,8 +31,8 @@ from surfuse.report.content import (
     plan_view,
 )
 from surfuse.report.page import render_report
-from surfuse.rig.simulated.arm import arm_model
-from surfuse.rig.simulated.assembly import square_fixture
+from surfuse.rig.configured_arm import arm_model
+from surfuse.rig.description import square_fixture
 from surfuse.runs.configuration import read_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_files import segment_paths

@@ -4,27 +4,18 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
-from surfuse.cameras import REFERENCE_MODEL
 from surfuse.commands.outcome import Outcome
 from surfuse.commands.pictures.threshold_comparison import Division, compare
 from surfuse.durable import refuse_existing, write_text
 from surfuse.errors import UsageError
-from surfuse.interfaces import Generator
-from surfuse.records import BoolArray, ByteArray
-from surfuse.rig.devices import looking_outwards, world_from_shoulder
-from surfuse.twin.materials import Material
-from surfuse.twin.optics import OpticsParameters, render, visible
-from surfuse.twin.scene import Scene, SceneBody, TableParameters, table_bodies
-from surfuse.twin.shapes import box, cylinder, standing
+from surfuse.rig.simulated.study_pictures import CONDITIONS, photographed
 from surfuse.vision.threshold import METHODS
 
-_CAMERA_M = (0.10, 1.30)
 _FAILED = 0.05
 
 
@@ -46,76 +37,14 @@ class StudyRow:
     ms: float
 
 
-@dataclass(frozen=True)
-class _Shot:
-    """What makes one condition: the part, and the light it is seen in."""
-
-    part: SceneBody
-    optics: OpticsParameters
-
-
-def _even(g: Generator) -> OpticsParameters:
-    return OpticsParameters(background=g.uniform(8.0, 30.0))
-
-
-def _part(g: Generator, material: Material = Material.PART, low: float = 0.10, high: float = 0.25) -> SceneBody:
-    """A block or a cylinder on the table, in view."""
-    azimuth, radius = g.uniform(-0.12, 0.12), g.uniform(1.0, 1.1)
-    width, height = g.uniform(low, high, 2)
-    if g.random() < 0.5:
-        solid = box(width, min(width, 0.08), height)
-    else:
-        solid = cylinder(min(0.5 * width, 0.07), height)
-    return standing(solid, material, azimuth, radius, TableParameters().table_height_m, g.uniform(-0.5, 0.5))
-
-
-def _plain(g: Generator) -> _Shot:
-    return _Shot(_part(g), _even(g))
-
-
-def _gradient(g: Generator) -> _Shot:
-    x, y = g.uniform(0.5, 1.0, 2) * g.choice([-1.0, 1.0], 2)
-    return _Shot(_part(g), OpticsParameters(background=g.uniform(20.0, 45.0), gradient_x=x, gradient_y=y))
-
-
-def _low_contrast(g: Generator) -> _Shot:
-    return _Shot(_part(g, Material.CLUTTER), OpticsParameters(background=g.uniform(35.0, 55.0), exposure=260.0))
-
-
-def _noise(g: Generator) -> _Shot:
-    return _Shot(_part(g), OpticsParameters(background=g.uniform(20.0, 40.0), noise_levels=g.uniform(15.0, 30.0)))
-
-
-def _small(g: Generator) -> _Shot:
-    return _Shot(_part(g, low=0.025, high=0.045), _even(g))
-
-
-def _shiny(g: Generator) -> _Shot:
-    """The lamp hangs low enough for its highlight to be seen on an upright surface."""
-    part = _part(g, Material.PART_SMOOTH)
-    lamp = (0.0, g.uniform(-0.5, 0.5), g.uniform(1.4, 1.8))
-    gloss = g.uniform(150.0, 400.0)
-    return _Shot(part, OpticsParameters(lamp, ambient=0.1, exposure=150.0, gloss=gloss, background=20.0))
-
-
-CONDITIONS: dict[str, Callable[[Generator], _Shot]] = {
-    "plain": _plain,
-    "illumination gradient": _gradient,
-    "low contrast": _low_contrast,
-    "noise": _noise,
-    "small part": _small,
-    "shiny part": _shiny,
-}
-
-
 def study(scenes: int, seed: int) -> tuple[StudyRow, ...]:
     """Every method on so many pictures of every condition."""
     rows = []
-    for index, (name, shot) in enumerate(CONDITIONS.items()):
+    for index, (name, chosen) in enumerate(CONDITIONS.items()):
         per_method: dict[str, list[Division]] = {method: [] for method in METHODS}
         for scene in range(scenes):
             generator = np.random.default_rng([seed, index, scene])
-            picture, truth = _photographed(shot(generator), generator)
+            picture, truth = photographed(chosen(generator), generator)
             for division in compare(picture, tuple(METHODS), "bright", truth)[0]:
                 per_method[division.method].append(division)
         rows += [_row(name, method, divisions) for method, divisions in per_method.items()]
@@ -166,14 +95,6 @@ def threshold_study(scenes: int = 30, seed: int = 1, out: Path | None = None, fo
 def _closest(rows: tuple[StudyRow, ...], condition: str) -> str:
     """The method with the fewest wrong pixels under a condition."""
     return min((row for row in rows if row.condition == condition), key=lambda row: row.misclassification_error).method
-
-
-def _photographed(shot: _Shot, generator: Generator) -> tuple[ByteArray, BoolArray]:
-    """The picture (H, W) of the cell with the part, and the pixels (H, W) that show the part."""
-    scene = Scene((*table_bodies(), shot.part))
-    place = world_from_shoulder(0.0) @ looking_outwards(*_CAMERA_M)
-    picture = render(scene, REFERENCE_MODEL, place, generator, shot.optics)
-    return picture, visible(scene, REFERENCE_MODEL, place, len(scene.bodies) - 1)
 
 
 def _row(condition: str, method: str, divisions: list[Division]) -> StudyRow:

@@ -12,13 +12,14 @@ from surfuse import __version__, durable
 from surfuse.commands.outcome import Outcome
 from surfuse.commands.rangers import acceptance_checks as checks
 from surfuse.commands.rangers.acceptance_checks import AcceptanceLimits, Check
-from surfuse.commands.rangers.acceptance_trials import Trials, log_trials, planted, twin_trials
-from surfuse.commands.rangers.sensor_sheet import spec_of, two_way_beam_rad
+from surfuse.commands.rangers.acceptance_trials import Trials, log_trials, twin_trials
+from surfuse.commands.rangers.sensor_sheet import spec_of
 from surfuse.errors import UsageError
-from surfuse.records import SensorSpec, Status
+from surfuse.records import ULTRASONIC, SensorSpec, Status
 from surfuse.report.line_charts import Chart, Series, page
+from surfuse.rig.simulated.acceptance_bench import planted
+from surfuse.rig.simulated.transducer_beam import two_way_beam_rad
 from surfuse.runs.side_files import RangeCorrection, sensors_toml
-from surfuse.twin.world import ULTRASONIC
 
 _LEAST_DISTANCES = 3
 
@@ -52,7 +53,7 @@ def accept(
         if log is None and given:
             raise UsageError(f"{option} without --log", cure="give the log of a facing plate that it belongs to")
     if log is None:
-        trials = twin_trials(spec, *planted(spec, plant), seed=seed)
+        trials = twin_trials(planted(spec, plant), seed)
     else:
         trials = log_trials(spec, log, distances_m, warm_up)
     results = judge(spec, trials, wanted)

@@ -8,7 +8,7 @@ import numpy as np
 
 from surfuse.errors import ConfigError
 from surfuse.records import FloatArray, IntArray, SensorSpec, Status
-from surfuse.rig.simulated.ranger_bench import Shots
+from surfuse.rig.simulated.ranger_bench import KnownReadings
 
 _MAD_TO_SIGMA = 1.4826
 _SLIP_WINDOW = 0.25
@@ -87,7 +87,7 @@ class Residuals:
     tells_slips: bool
 
 
-def residuals(facing: Shots, spec: SensorSpec) -> Residuals:
+def residuals(facing: KnownReadings, spec: SensorSpec) -> Residuals:
     """Sort the errors of a facing plate into noise and cycle slips.
 
     Slips can be told only when the noise is below a quarter of half a wavelength.
@@ -125,7 +125,7 @@ def noise_check(found: Residuals, spec: SensorSpec, limits: AcceptanceLimits) ->
     return _check("repeatability", "noise", 1e3 * found.sigma_m, 1e3 * limit, "mm")
 
 
-def dropout_check(facing: Shots, limits: AcceptanceLimits) -> Check:
+def dropout_check(facing: KnownReadings, limits: AcceptanceLimits) -> Check:
     """Share of readings of a facing plate without a number."""
     return _check("answers of a facing plate", "dropout", 100.0 * (1.0 - facing.heard), 100.0 * limits.dropout, "%")
 
@@ -138,7 +138,7 @@ def slip_check(found: Residuals, limits: AcceptanceLimits) -> Check:
     return _check(name, fault, 100.0 * float(np.mean(found.slips > 0)), limit, "%")
 
 
-def drift_check(warm_up: Shots | None, limits: AcceptanceLimits) -> Check:
+def drift_check(warm_up: KnownReadings | None, limits: AcceptanceLimits) -> Check:
     """Change of the range of a plate that stands still, from the first tenth of the time to the last third."""
     name, fault, limit = "warm-up drift", "drift", 1e3 * limits.drift_m
     if warm_up is None:

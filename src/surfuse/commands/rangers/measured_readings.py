@@ -9,14 +9,13 @@ import numpy as np
 
 from surfuse.errors import DataError, nearest
 from surfuse.records import Readings, SensorSpec
-from surfuse.rig.simulated.ranger_bench import Shots, shots_of
+from surfuse.rig.simulated.ranger_bench import KnownReadings, known_readings_of
 from surfuse.runs.scan_source import load_scan
+from surfuse.surface.casting import RayCaster
 from surfuse.surface.truth import check_mesh, read_truth_mesh
-from surfuse.twin.materials import Material
-from surfuse.twin.scene import Scene, SceneBody
 
 
-def shots_in_log(spec: SensorSpec, log: Path, truth: Path) -> Shots:
+def readings_in_log(spec: SensorSpec, log: Path, truth: Path) -> KnownReadings:
     """The readings of a log whose axis meets the true surface; all sensors of the log when none has the spec's name.
 
     The mesh is in the frame of the log, in metres.
@@ -28,20 +27,19 @@ def shots_in_log(spec: SensorSpec, log: Path, truth: Path) -> Shots:
     readings = load_scan(log).readings
     vertices, faces = read_truth_mesh(truth)
     check_mesh(vertices, faces, str(truth))
-    scene = Scene([SceneBody(vertices, faces, Material.PART, np.eye(4))])
+    caster = RayCaster(vertices, faces)
     names = [one.name for one in readings.specs]
     mine = np.ones(len(readings.t_s), dtype=np.bool_)
     if spec.name in names:
         mine = readings.sensor == names.index(spec.name)
-    distance, triangle = scene.cast(readings.position_m[mine], readings.axis[mine])
+    distance = caster.ranges(readings.position_m[mine], readings.axis[mine])
     met = np.isfinite(distance)
-    slope = np.abs(np.einsum("ij,ij->i", scene.normal[triangle[met]], readings.axis[mine][met]))
-    incidence = np.arccos(np.clip(slope, 0.0, 1.0))
-    found = shots_of(spec, distance[met], incidence, None, readings.range_m[mine][met])
+    incidence = np.radians(caster.incidence_deg(readings.position_m[mine], readings.axis[mine]))[met]
+    found = known_readings_of(spec, distance[met], incidence, None, readings.range_m[mine][met])
     return replace(found, t_s=readings.t_s[mine][met])
 
 
-def facing_shots(readings: Readings, distances_m: tuple[float, ...], spec: SensorSpec, where: str) -> Shots:
+def facing_readings(readings: Readings, distances_m: tuple[float, ...], spec: SensorSpec, where: str) -> KnownReadings:
     """Readings of a facing plate that stood at these distances one after the other, equally many at each.
 
     Raises
@@ -60,5 +58,5 @@ def facing_shots(readings: Readings, distances_m: tuple[float, ...], spec: Senso
             where=where,
         )
     axis_m = np.repeat(np.array(distances_m), count // len(distances_m))
-    found = shots_of(spec, axis_m, np.zeros(count), None, readings.range_m[mine])
+    found = known_readings_of(spec, axis_m, np.zeros(count), None, readings.range_m[mine])
     return replace(found, t_s=readings.t_s[mine])

@@ -10,16 +10,14 @@ import numpy as np
 
 from surfuse import __version__, durable
 from surfuse.commands.outcome import Outcome, finite
-from surfuse.commands.rangers.measured_readings import shots_in_log
+from surfuse.commands.rangers.measured_readings import readings_in_log
 from surfuse.errors import ConfigError, DataError, UsageError, nearest
-from surfuse.records import FloatArray, SensorSpec
+from surfuse.records import ULTRASONIC, FloatArray, SensorSpec
 from surfuse.report.line_charts import Chart, Series, page, picture
-from surfuse.rig.simulated.ranger_bench import Bench, Shots
+from surfuse.rig.simulated.ranger_bench import Bench, KnownReadings
+from surfuse.rig.simulated.transducer_beam import beam_pattern
 from surfuse.runs.side_files import read_sensors
 from surfuse.sensors import polaroid
-from surfuse.twin.acoustics.beam import directivity
-from surfuse.twin.acoustics.kit import KitParameters
-from surfuse.twin.world import ULTRASONIC, transducer_of
 
 NAMED = {"polaroid": polaroid.SPEC, "polaroid_bare": polaroid.BARE_SPEC}
 STANDOFF_M = 0.43
@@ -131,8 +129,8 @@ def twin_sheet(spec: SensorSpec, seed: int = 1) -> SensorSheet:
     tilts = np.arange(0.0, 46.0, 1.5)
     rough_curve = _over_incidence(matte, standoff_m, tilts)
     smooth_curve = _over_incidence(smooth, standoff_m, tilts)
-    noise = [matte.shoot(standoff_m, 0.0, 64, pings, moving=False).errors_m() for pings in _PINGS]
-    beam, distances = _beam(spec), np.linspace(low, high, 25)
+    noise = [matte.measure(standoff_m, 0.0, 64, pings, moving=False).errors_m() for pings in _PINGS]
+    beam, distances = beam_pattern(spec), np.linspace(low, high, 25)
     return SensorSheet(
         sensor=spec.name,
         kind=spec.kind,
@@ -141,7 +139,7 @@ def twin_sheet(spec: SensorSpec, seed: int = 1) -> SensorSheet:
         beam_deg=beam.beam_deg,
         beam_db=beam.beam_db,
         beam_full_angle_deg=beam.beam_full_angle_deg,
-        over_range=_curve(distances, [matte.shoot(distance, 0.0, _SPOTS) for distance in distances.tolist()]),
+        over_range=_curve(distances, [matte.measure(distance, 0.0, _SPOTS) for distance in distances.tolist()]),
         over_incidence_rough=rough_curve,
         over_incidence_smooth=smooth_curve,
         limit_rough_deg=_limit(rough_curve),
@@ -154,17 +152,17 @@ def twin_sheet(spec: SensorSpec, seed: int = 1) -> SensorSheet:
 
 def log_sheet(spec: SensorSpec, log: Path, truth: Path) -> SensorSheet:
     """What can be told of a sensor from a log of readings of a known surface."""
-    shots = shots_in_log(spec, log, truth)
-    if not len(shots.axis_m):
+    known = readings_in_log(spec, log, truth)
+    if not len(known.axis_m):
         raise DataError(f"no reading of '{spec.name}' meets the true surface", cure="check frame and unit of the mesh")
-    tilt = np.degrees(shots.incidence_rad)
-    over_incidence = _binned(shots, tilt, 2.5)
+    tilt = np.degrees(known.incidence_rad)
+    over_incidence = _binned(known, tilt, 2.5)
     return SensorSheet(
         sensor=spec.name,
         kind=spec.kind,
         source=f"{log.name} against {truth.name}, {len(tilt)} readings",
-        standoff_m=float(np.median(shots.axis_m)),
-        over_range=_binned(shots, shots.axis_m, max(0.01, float(np.ptp(shots.axis_m)) / 25.0)),
+        standoff_m=float(np.median(known.axis_m)),
+        over_range=_binned(known, known.axis_m, max(0.01, float(np.ptp(known.axis_m)) / 25.0)),
         over_incidence_rough=over_incidence,
         limit_rough_deg=_limit(over_incidence),
     )
@@ -236,24 +234,24 @@ def _error_chart(title: str, x_title: str, curves: tuple[tuple[str, Curve], ...]
 
 
 def _over_incidence(bench: Bench, standoff_m: float, tilts_deg: FloatArray) -> Curve:
-    return _curve(tilts_deg, [bench.shoot(standoff_m, float(np.radians(tilt)), _SPOTS) for tilt in tilts_deg])
+    return _curve(tilts_deg, [bench.measure(standoff_m, float(np.radians(tilt)), _SPOTS) for tilt in tilts_deg])
 
 
-def _curve(x: FloatArray, shots: list[Shots]) -> Curve:
-    errors = [1e3 * one.errors_m() for one in shots]
+def _curve(x: FloatArray, known: list[KnownReadings]) -> Curve:
+    errors = [1e3 * one.errors_m() for one in known]
     return Curve(
         tuple(x.tolist()),
         tuple(float(np.mean(one)) if len(one) else np.nan for one in errors),
         tuple(float(np.std(one, ddof=1)) if len(one) > 1 else np.nan for one in errors),
-        tuple(one.heard for one in shots),
+        tuple(one.heard for one in known),
     )
 
 
-def _binned(shots: Shots, x: FloatArray, width: float) -> Curve:
+def _binned(known: KnownReadings, x: FloatArray, width: float) -> Curve:
     """Curve over bins of x that hold readings."""
     number = np.floor(x / width + 1e-9).astype(np.int64)
     groups = np.unique(number)
-    chosen = [shots.subset(number == group) for group in groups]
+    chosen = [known.subset(number == group) for group in groups]
     return _curve(np.asarray((groups + 0.5) * width, dtype=np.float64), chosen)
 
 
@@ -269,36 +267,7 @@ def _nearest(spec: SensorSpec, seed: int) -> float | None:
     """Nearest distance of a facing plate that is read to 5 mm, to 1 mm; limits of the spec are not heeded."""
     bench = Bench(replace(spec, range_min_m=0.0), seed=seed)
     for distance in np.arange(spec.dead_length_m + 0.01, min(1.0, spec.range_max_m), 0.001):
-        errors = bench.shoot(float(distance), 0.0, 1).errors_m()
+        errors = bench.measure(float(distance), 0.0, 1).errors_m()
         if len(errors) and abs(errors[0]) < _RIGHT_M:
             return float(max(distance, spec.range_min_m)) if spec.kind != ULTRASONIC else float(distance)
     return None
-
-
-def two_way_beam_rad(spec: SensorSpec) -> float:
-    """Full angle between the -6 dB points of the two-way amplitude of the spec's piston."""
-    wave_number = 2.0 * np.pi * (spec.frequency_hz or KitParameters().frequency_hz) / 343.2
-    fine = np.radians(np.linspace(0.0, 90.0, 36001))
-    two_way = directivity(transducer_of(spec).aperture_m, wave_number, np.sin(fine)) ** 2
-    below = two_way < 0.5
-    return 2.0 * float(fine[int(np.argmax(below))]) if below.any() else float(np.pi)
-
-
-@dataclass(frozen=True)
-class _Beam:
-    beam_deg: tuple[float, ...] = ()
-    beam_db: tuple[float, ...] = ()
-    beam_full_angle_deg: float | None = None
-
-
-def _beam(spec: SensorSpec) -> _Beam:
-    """Two-way directivity of an ultrasonic sensor; other sensors have none."""
-    if spec.kind != ULTRASONIC:
-        return _Beam()
-    wave_number = 2.0 * np.pi * (spec.frequency_hz or KitParameters().frequency_hz) / 343.2
-    degrees = np.arange(-60.0, 60.25, 0.25)
-    sine = np.sin(np.radians(degrees))
-    level = 40.0 * np.log10(np.maximum(np.abs(directivity(transducer_of(spec).aperture_m, wave_number, sine)), 1e-9))
-    level = np.maximum(level, _DIRECTIVITY_FLOOR_DB)
-    full = float(np.degrees(two_way_beam_rad(spec)))
-    return _Beam(tuple(degrees.tolist()), tuple(level.tolist()), full)

@@ -8,22 +8,18 @@ from functools import partial
 
 import numpy as np
 
-from surfuse.arm_models import puma560
-from surfuse.arm_models.puma560_volume import CAPSULES, OWN_PAIRS, TOOL_LINK, column
 from surfuse.arms import simulated, trident
-from surfuse.errors import ConfigError
-from surfuse.geometry.poses import pose
 from surfuse.interfaces import Clock, World
-from surfuse.motion.body import body_of, fixture_capsules
 from surfuse.motion.clearance import ClearanceModel
 from surfuse.motion.control.computed_torque import ComputedTorque
 from surfuse.motion.guard import GuardParameters, MotionGuard
 from surfuse.motion.obstacles import Floor, Obstacle, RingTable
-from surfuse.motion.own_links import own_links, separable_pairs
 from surfuse.motion.planners import LinePlanner, slowed, through_lines, torque_limited, trapezoidal, within_tool_speed
 from surfuse.records import Fixture
-from surfuse.rig.arm_model import ArmModel, TwinArm
+from surfuse.rig.arm_model import ArmModel
+from surfuse.rig.configured_arm import arm_model, clearance_model, puma560_kinematics
 from surfuse.rig.simulated.servo_arm import ServoTwinArm, build_servo_arm, known_model
+from surfuse.rig.simulated.twin_arm import TwinArm
 from surfuse.settings import Settings
 
 _PLANNED_M = 1e-3
@@ -52,7 +48,7 @@ def arm_in_cell(settings: Settings, fixture: Fixture, world: World, clock: Clock
     ConfigError : there is no such arm.
     """
     model = arm_model(settings, fixture)
-    clearance = partial(_clearance, model, fixture, settings.kit.tube_length_m)
+    clearance = partial(clearance_model, model, fixture, settings.kit.tube_length_m)
     limits, guard = slowed(model.limits, settings.arm.speed_share), _guard(settings, model, clearance)
     arm: TwinArm
     if settings.arm.driven_by == "trident":
@@ -66,45 +62,6 @@ def arm_in_cell(settings: Settings, fixture: Fixture, world: World, clock: Clock
         clearance,
         lambda speed_m_s: guard.checked(through_lines(model.kinematics, limits, dynamics, speed_m_s)),
         guard,
-    )
-
-
-def arm_model(settings: Settings, fixture: Fixture) -> ArmModel:
-    """The arm of the configuration without driver.
-
-    Raises
-    ------
-    ConfigError : there is no such arm, or a package that its file needs is missing.
-    DataError : the arm's file is refused.
-    """
-    if settings.arm.file is not None:
-        try:
-            from surfuse.rig.arm_of_file import model_of_file
-        except ModuleNotFoundError as error:
-            raise ConfigError(
-                f"an arm file needs the package '{error.name}', which is not installed",
-                cure="pip install 'surfuse[dynamics]'",
-                where=settings.arm.file,
-            ) from error
-        return model_of_file(settings, fixture)
-    if settings.arm.tool is not None:
-        raise ConfigError(f"arm.tool = '{settings.arm.tool}' without an arm file", cure="give arm.file, or --arm FILE")
-    if settings.arm.name != "puma560":
-        raise ConfigError(
-            f"arm.name = '{settings.arm.name}'",
-            cure="the simulated cell has the arm 'puma560', or that of a file (arm.file)",
-        )
-    kinematics = puma560_kinematics(settings)
-    return ArmModel(
-        kinematics,
-        kinematics.link_poses,
-        puma560.LIMITS,
-        puma560.READY_RAD,
-        puma560.ENCODER_RAD_PER_COUNT,
-        CAPSULES,
-        TOOL_LINK,
-        (column(settings.arm.base_height_m),),
-        OWN_PAIRS,
     )
 
 
@@ -151,22 +108,3 @@ def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Cloc
         guard=guard,
     )
     return ServoTwinArm(parts, world)
-
-
-def puma560_kinematics(settings: Settings) -> puma560.Puma560:
-    """The PUMA 560 on its stand, with the faces of the transducers as tool."""
-    return puma560.Puma560(
-        pose(np.eye(3), [0.0, 0.0, settings.arm.base_height_m]),
-        pose(np.eye(3), [0.0, 0.0, settings.arm.grip_offset_m - puma560.FLANGE_OFFSET_M]),
-    )
-
-
-def _clearance(
-    model: ArmModel, fixture: Fixture, tube_length_m: float, obstacles: tuple[Obstacle, ...]
-) -> ClearanceModel:
-    rods = (*model.capsules, *fixture_capsules(fixture, model.tool_link, tube_length_m))
-    limits, pairs = model.limits, model.own_pairs
-    if pairs is None:
-        pairs = separable_pairs(rods, model.link_poses, limits.lower_rad, limits.upper_rad, model.ready_rad)
-    own = own_links(rods, pairs)
-    return ClearanceModel(model.link_poses, body_of(rods), (*model.around, *obstacles), own)

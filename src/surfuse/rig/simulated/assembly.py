@@ -10,18 +10,25 @@ import numpy as np
 
 from surfuse.cameras import simulated as simulated_camera
 from surfuse.errors import ConfigError
-from surfuse.geometry.poses import pose
 from surfuse.interfaces import Clock, RangeSensor
-from surfuse.node.link import BusParameters
-from surfuse.records import CameraModel, Fixture, FloatArray, SensorSpec
+from surfuse.records import Fixture, FloatArray
 from surfuse.rig import sequential_array as sequential
-from surfuse.rig.devices import Mount, Rig, SmoothMotion, Truth, world_from_shoulder
+from surfuse.rig.description import (
+    PING_PERIOD_S,
+    bus_parameters,
+    camera_model,
+    camera_mount,
+    ranger_mount,
+    shoulder_spec,
+    square_fixture,
+)
+from surfuse.rig.devices import Rig, SmoothMotion, Truth
+from surfuse.rig.mounts import world_from_shoulder
 from surfuse.rig.node_array import ArrayElsewhere, ArrayInProcess, elsewhere, in_process
 from surfuse.rig.simulated.arm import arm_in_cell
-from surfuse.sensors import polaroid
 from surfuse.sensors import simulated as simulated_sensor
-from surfuse.settings import NO_BUS, BusSettings, Settings
-from surfuse.twin.acoustics.air import AirParameters, speed_of_sound
+from surfuse.settings import NO_BUS, Settings
+from surfuse.twin.acoustics.air import AirParameters
 from surfuse.twin.acoustics.kit import TUBE, KitParameters
 from surfuse.twin.materials import with_roughness
 from surfuse.twin.optics import OpticsParameters
@@ -32,8 +39,6 @@ from surfuse.twin.tether import HostEnd, Place
 from surfuse.twin.world import Twin, TwinParameters, transducer_of
 
 ARM_REACH_M = 0.86
-PING_PERIOD_S = polaroid.SPEC.firing_time_s / polaroid.Parameters().pings
-NODE_GROUP = "239.74.163.2"
 
 
 class SimulatedClock:
@@ -143,13 +148,6 @@ def fired_together(
     return SimultaneousArray(fixture, world, world_from_grip, clock, settings.pings, settings.kit.sample_rate_hz)
 
 
-def bus_parameters(bus: BusSettings) -> BusParameters:
-    """The adapter between two processes, as configured."""
-    options = (("port", bus.port),) if bus.interface == "udp_multicast" else ()
-    usual = NODE_GROUP if bus.interface == "udp_multicast" else "can0"
-    return BusParameters(bus.interface, bus.channel or usual, bus.bitrate_bps, options)
-
-
 @dataclass
 class _Stop:
     """Which random streams the twin draws from."""
@@ -174,59 +172,6 @@ def _array(
         return in_process(fixture, sensors, bus.node, clock, together.fire_together, at_once)
     tether = HostEnd(bus.tether_port, settings.model_dump(), place) if bus.tether_port else None
     return elsewhere(fixture, bus_parameters(bus), bus.node, bus.connect_timeout_s, tether, clock, at_once)
-
-
-def square_fixture(settings: Settings) -> Fixture:
-    """Four sensors on a square around the grip axis (paper, figure 1), beams parallel to it."""
-    half = settings.array.side_m / 2.0
-    corners = [(half, -half), (-half, -half), (half, half), (-half, half)]
-    specs = tuple(array_spec(settings, f"us{index}") for index in range(4))
-    return Fixture(np.array([pose(np.eye(3), [x, y, 0.0]) for x, y in corners]), specs)
-
-
-def array_spec(settings: Settings, name: str) -> SensorSpec:
-    """A sensor of the array: the transducer in its tube, or bare when the tube has no length."""
-    kit = settings.kit
-    usual = polaroid.SPEC if kit.tube_length_m > 0.0 else polaroid.BARE_SPEC
-    firing_s = settings.pings * PING_PERIOD_S
-    return replace(_heard_from(usual, settings), name=name, dead_length_m=kit.tube_length_m, firing_time_s=firing_s)
-
-
-def shoulder_spec(settings: Settings) -> SensorSpec:
-    """The bare ranger on the shoulder."""
-    return replace(_heard_from(polaroid.BARE_SPEC, settings), name="us_shoulder")
-
-
-def _heard_from(spec: SensorSpec, settings: Settings) -> SensorSpec:
-    """A spec with the kit's frequency and the nearest range that its blanking leaves."""
-    nearest_m = 0.5 * speed_of_sound(settings.air.assumed_temperature_c) * settings.kit.blanking_s
-    return replace(spec, frequency_hz=settings.kit.frequency_hz, range_min_m=nearest_m)
-
-
-def camera_model(settings: Settings) -> CameraModel:
-    """The camera of the configuration; its principal point is in the middle of the picture unless given."""
-    camera = settings.camera
-    return CameraModel(
-        camera.width_px,
-        camera.height_px,
-        camera.fx_px,
-        camera.fy_px,
-        (camera.width_px - 1) / 2.0 if camera.cx_px is None else camera.cx_px,
-        (camera.height_px - 1) / 2.0 if camera.cy_px is None else camera.cy_px,
-        camera.distortion,
-    )
-
-
-def camera_mount(settings: Settings) -> Mount:
-    """Where the camera of the configuration sits on the shoulder."""
-    own = settings.camera
-    turn = np.radians([own.yaw_deg, own.pitch_deg, own.roll_deg]).tolist()
-    return Mount(own.forward_m, own.height_m, own.left_m, *turn)
-
-
-def ranger_mount(settings: Settings) -> Mount:
-    """Where the ranger of the configuration sits on the shoulder, looking straight outwards."""
-    return Mount(settings.ranger.forward_m, settings.ranger.height_m, settings.ranger.left_m)
 
 
 def _part_pose(settings: Settings) -> PartPose:

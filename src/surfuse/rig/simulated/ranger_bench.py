@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from surfuse.geometry.poses import pose, rotation_about
-from surfuse.records import BoolArray, Echo, FloatArray, SensorSpec, Status
+from surfuse.records import ULTRASONIC, BoolArray, Echo, FloatArray, SensorSpec, Status
 from surfuse.rig.simulated.assembly import SimulatedClock
 from surfuse.sensors import simulated
 from surfuse.twin.materials import Material
 from surfuse.twin.scene import Scene, SceneBody
-from surfuse.twin.world import ULTRASONIC, Twin, TwinParameters
+from surfuse.twin.world import Twin, TwinParameters
 
 # The bench is so large that no beam reaches past its plate.
 _HALF_SIDE_M = 4.0
@@ -22,7 +22,7 @@ LOOK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 @dataclass(frozen=True)
-class Shots:
+class KnownReadings:
     """N readings of a plate: what was true, and what came back (`status` as `Status`, ranges after REP-117).
 
     `axis_m` (N,) is the distance to the plate along the sensor's axis, `incidence_rad` (N,) the angle between axis and
@@ -44,10 +44,10 @@ class Shots:
         """Share of readings with a number."""
         return float(np.mean(self.status == int(Status.OK)))
 
-    def subset(self, chosen: BoolArray) -> Shots:
+    def subset(self, chosen: BoolArray) -> KnownReadings:
         """The readings marked in `chosen` (N,)."""
         columns = (self.axis_m, self.incidence_rad, self.expected_m, self.range_m, self.status)
-        return Shots(*(column[chosen] for column in (*columns, self.t_s, self.amplitude)))
+        return KnownReadings(*(column[chosen] for column in (*columns, self.t_s, self.amplitude)))
 
     def errors_m(self) -> FloatArray:
         """Range minus what it should be, of the readings that have a number."""
@@ -55,9 +55,9 @@ class Shots:
         return np.asarray((self.range_m - self.expected_m)[good], dtype=np.float64)
 
 
-def shots_of(
+def known_readings_of(
     spec: SensorSpec, axis_m: FloatArray, incidence_rad: FloatArray, echoes: Sequence[Echo] | None, ranges_m: FloatArray
-) -> Shots:
+) -> KnownReadings:
     """Shots from true geometry and ranges; times come from the echoes where there are any."""
     foot_m = spec.dead_length_m + (axis_m - spec.dead_length_m) * np.cos(incidence_rad)
     expected_m = foot_m if spec.kind == ULTRASONIC else axis_m
@@ -70,7 +70,7 @@ def shots_of(
     if echoes is not None:
         times = np.array([echo.t_s for echo in echoes])
         strengths = np.array([echo.amplitude for echo in echoes])
-    return Shots(axis_m, incidence_rad, expected_m, ranges_m, status, times, strengths)
+    return KnownReadings(axis_m, incidence_rad, expected_m, ranges_m, status, times, strengths)
 
 
 @dataclass
@@ -95,7 +95,9 @@ class Bench:
         self._calls = 0
         self.clock = SimulatedClock()
 
-    def shoot(self, axis_m: float, incidence_rad: float, count: int, pings: int = 5, *, moving: bool = True) -> Shots:
+    def measure(
+        self, axis_m: float, incidence_rad: float, count: int, pings: int = 5, *, moving: bool = True
+    ) -> KnownReadings:
         """`count` readings; `moving` aims each at another spot of the plate, else all are taken from one place."""
         self._calls += 1
         self._twin.begin("bench", self._calls)
@@ -108,7 +110,7 @@ class Bench:
             now[0] = places[number if moving else 0]
             echoes.append(sensor.fire())
         axis, tilt = np.full(count, axis_m), np.full(count, incidence_rad)
-        return shots_of(self.spec, axis, tilt, echoes, np.array([echo.range_m for echo in echoes]))
+        return known_readings_of(self.spec, axis, tilt, echoes, np.array([echo.range_m for echo in echoes]))
 
 
 def _place(axis_m: float, incidence_rad: float, y: float, z: float) -> FloatArray:

@@ -10,19 +10,13 @@ from surfuse.errors import ConfigError, DeviceError
 from surfuse.interfaces import AlwaysOpen, RangeSensor
 from surfuse.node.messages import KitMessage
 from surfuse.records import Echo, Fixture, FloatArray, SensorSpec
-from surfuse.rig.simulated.assembly import (
-    SimulatedClock,
-    array_sensors,
-    array_spec,
-    build_world,
-    fired_together,
-    square_fixture,
-)
+from surfuse.rig.description import array_spec, square_fixture
+from surfuse.rig.simulated.assembly import SimulatedClock, array_sensors, build_world, fired_together
 from surfuse.rig.simulated.kit_by_message import kit_from_message
 from surfuse.sensors import simulated
 from surfuse.settings import from_tree
 from surfuse.twin.simultaneous_array import SimultaneousArray
-from surfuse.twin.tether import Place
+from surfuse.twin.tether import NodeEnd, Place
 from surfuse.twin.world import Twin
 
 
@@ -38,6 +32,10 @@ class TetheredSensors:
         self._together: SimultaneousArray | None = None
         self._fixture = square_fixture(from_tree({}))
         self._world_from_grip: FloatArray | None = None
+
+    def tether(self, port: int) -> NodeEnd:
+        """The end of the tether by which a host tells what the twin is and where the arm is; to be opened."""
+        return NodeEnd(port, self.configure, self.move)
 
     def configure(self, tree: Mapping[str, object]) -> None:
         """Build the host's twin."""

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.errors import ConfigError
+from surfuse.physics.air import REFERENCE_K, ZERO_CELSIUS_K
 
-ZERO_CELSIUS_K = 273.15
-REFERENCE_K = 293.15
 REFERENCE_KPA = 101.325
 _TRIPLE_POINT_K = 273.16
 _DB_PER_NEPER = 20.0 / np.log(10.0)
@@ -43,11 +42,6 @@ class AirParameters:
             value = getattr(self, name)
             if not low <= value <= high:
                 raise ConfigError(f"air.{name} = {value}", cure=f"give {low:g} to {high:g}")
-
-
-def speed_of_sound(temperature_c: float) -> float:
-    """Speed of sound in m/s: `343.2 sqrt(T / 293.15 K)` (ISO 9613-1)."""
-    return float(343.2 * np.sqrt((temperature_c + ZERO_CELSIUS_K) / REFERENCE_K))
 
 
 def absorption(air: AirParameters, frequency_hz: float) -> float:

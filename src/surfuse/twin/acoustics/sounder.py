@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from surfuse.physics.air import speed_of_sound
 from surfuse.records import FloatArray, IntArray
 from surfuse.twin.acoustics import arrivals, reflections
-from surfuse.twin.acoustics.air import AirParameters, absorption, speed_of_sound
+from surfuse.twin.acoustics.air import AirParameters, absorption
 from surfuse.twin.acoustics.beam import BundleParameters, sample_beam
 from surfuse.twin.acoustics.detection import burst_envelope, detect
 from surfuse.twin.acoustics.edges import NO_EDGES, EdgePoints, sharp_edges

@@ -1,0 +1,78 @@
+"""What the configuration says of the rig before any device is made: sensors and their places, camera, bus."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from surfuse.geometry.poses import pose
+from surfuse.node.link import BusParameters
+from surfuse.physics.air import speed_of_sound
+from surfuse.records import CameraModel, Fixture, SensorSpec
+from surfuse.rig.mounts import Mount
+from surfuse.sensors import polaroid
+from surfuse.settings import BusSettings, Settings
+
+PING_PERIOD_S = polaroid.SPEC.firing_time_s / polaroid.Parameters().pings
+NODE_GROUP = "239.74.163.2"
+
+
+def square_fixture(settings: Settings) -> Fixture:
+    """Four sensors on a square around the grip axis (paper, figure 1), beams parallel to it."""
+    half = settings.array.side_m / 2.0
+    corners = [(half, -half), (-half, -half), (half, half), (-half, half)]
+    specs = tuple(array_spec(settings, f"us{index}") for index in range(4))
+    return Fixture(np.array([pose(np.eye(3), [x, y, 0.0]) for x, y in corners]), specs)
+
+
+def array_spec(settings: Settings, name: str) -> SensorSpec:
+    """A sensor of the array: the transducer in its tube, or bare when the tube has no length."""
+    kit = settings.kit
+    usual = polaroid.SPEC if kit.tube_length_m > 0.0 else polaroid.BARE_SPEC
+    firing_s = settings.pings * PING_PERIOD_S
+    return replace(_heard_from(usual, settings), name=name, dead_length_m=kit.tube_length_m, firing_time_s=firing_s)
+
+
+def shoulder_spec(settings: Settings) -> SensorSpec:
+    """The bare ranger on the shoulder."""
+    return replace(_heard_from(polaroid.BARE_SPEC, settings), name="us_shoulder")
+
+
+def _heard_from(spec: SensorSpec, settings: Settings) -> SensorSpec:
+    """A spec with the kit's frequency and the nearest range that its blanking leaves."""
+    nearest_m = 0.5 * speed_of_sound(settings.air.assumed_temperature_c) * settings.kit.blanking_s
+    return replace(spec, frequency_hz=settings.kit.frequency_hz, range_min_m=nearest_m)
+
+
+def camera_model(settings: Settings) -> CameraModel:
+    """The camera of the configuration; its principal point is in the middle of the picture unless given."""
+    camera = settings.camera
+    return CameraModel(
+        camera.width_px,
+        camera.height_px,
+        camera.fx_px,
+        camera.fy_px,
+        (camera.width_px - 1) / 2.0 if camera.cx_px is None else camera.cx_px,
+        (camera.height_px - 1) / 2.0 if camera.cy_px is None else camera.cy_px,
+        camera.distortion,
+    )
+
+
+def camera_mount(settings: Settings) -> Mount:
+    """Where the camera of the configuration sits on the shoulder."""
+    own = settings.camera
+    turn = np.radians([own.yaw_deg, own.pitch_deg, own.roll_deg]).tolist()
+    return Mount(own.forward_m, own.height_m, own.left_m, *turn)
+
+
+def ranger_mount(settings: Settings) -> Mount:
+    """Where the ranger of the configuration sits on the shoulder, looking straight outwards."""
+    return Mount(settings.ranger.forward_m, settings.ranger.height_m, settings.ranger.left_m)
+
+
+def bus_parameters(bus: BusSettings) -> BusParameters:
+    """The adapter between two processes, as configured."""
+    options = (("port", bus.port),) if bus.interface == "udp_multicast" else ()
+    usual = NODE_GROUP if bus.interface == "udp_multicast" else "can0"
+    return BusParameters(bus.interface, bus.channel or usual, bus.bitrate_bps, options)
