@@ -81,3 +81,9 @@ def test_the_imports_of_a_page_s_python_resolve(page):
                 for alias in node.names:
                     path = f"{node.module}.{alias.name}".removeprefix("surfuse.")
                     assert hasattr(module, alias.name) or resolved(path)
+
+
+def test_the_page_on_the_architecture_names_every_room():
+    page = (ROOT / "docs" / "explanations" / "architecture.md").read_text("utf-8")
+    rooms = {module.name for module in pkgutil.iter_modules(surfuse.__path__) if module.ispkg}
+    assert {room for room in rooms if f"`{room}/`" not in page} == set()
