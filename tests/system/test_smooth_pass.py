@@ -14,8 +14,6 @@ from surfuse.exporters import nc
 from surfuse.runs.log_reader import read_log
 from surfuse.settings import load
 
-pytest.importorskip("toppra")
-
 HOW = ["scene.name=flat", "scan.mode=smooth", "scan.step_m=0.03", 'fusion.method="weighted_average"']
 
 
