@@ -17,7 +17,7 @@ _FLAT = 1e-12  # a row with a smaller factor of u says nothing about u
 
 @dataclass(frozen=True)
 class PathLimits:
-    """Limits at grid points: `a`, `b`, `c` (G, M) and `most` (M,) of `|a u + b x + c| <= most`; `square_max` (G,) of x."""
+    """Limits at grid points: `a`, `b`, `c` (G, M), `most` (M,) of `|a u + b x + c| <= most`; `square_max` (G,) of x."""
 
     a: FloatArray
     b: FloatArray
