@@ -7,16 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from surfuse.commands.fuse.fuse_log import fused, grid_of
-from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.fuse.fuse_log import fused, grid_of, opened
+from surfuse.commands.fuse.methods import create_method, fusion_settings
 from surfuse.commands.judge.truth_files import TruthFrame, nothing_in_common, read_truth
 from surfuse.commands.maps.map_files import NATIVE, is_map_file, read_map
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.errors import DataError, UsageError
 from surfuse.records import SurfaceMap
-from surfuse.runs.scan_log import require_echoes
-from surfuse.runs.scan_source import load_scan
-from surfuse.settings import load
+from surfuse.runs.scan_source import LogSource
 from surfuse.surface.coverage import LEVELS, IntervalCoverage, interval_coverage
 from surfuse.surface.score import error_map
 
@@ -65,11 +63,8 @@ def _map_of(log: Path, overrides: Sequence[str], watcher: Watcher) -> SurfaceMap
         )
     if is_map_file(log) or ((log / NATIVE).is_file() and not overrides):
         return read_map(log)
-    settings = load(None, overrides)
-    scan = load_scan(log)
-    for warning in scan.warnings:
-        watcher.warn(warning)
-    require_echoes(scan.readings, str(log))
+    settings = fusion_settings(overrides, "coverage")
+    scan = opened(LogSource(log), watcher)
     return fused(scan, create_method(settings.fusion), grid_of(scan))[1]
 
 

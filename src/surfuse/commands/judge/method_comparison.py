@@ -13,7 +13,7 @@ import numpy as np
 
 from surfuse import __version__, durable, registry
 from surfuse.commands.fuse.fuse_log import fused, grid_of, opened
-from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.fuse.methods import create_method, fusion_settings
 from surfuse.commands.judge.evaluation import NEAR_M, edge_of, has_step, score_data
 from surfuse.commands.judge.truth_files import TruthFrame, edge_truth, nothing_in_common, read_truth
 from surfuse.commands.outcome import Outcome, Watcher
@@ -24,7 +24,8 @@ from surfuse.report.comparison import render_comparison
 from surfuse.report.content import ComparisonContent, NamedMap, ReportEvent, SceneComparison, ScoreRow
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import ScanLog
-from surfuse.settings import FusionSettings, load
+from surfuse.runs.scan_source import LogSource
+from surfuse.settings import FusionSettings
 from surfuse.surface.score import score, share_within
 
 PAGE = "comparison.html"
@@ -69,8 +70,8 @@ def compare(
 
     With `out`, the map of each method is written there as METHOD.nc, and all of them together as a page.
     """
-    settings = load(None, overrides)
-    scan = opened(log, watcher)
+    settings = fusion_settings(overrides, "compare", method_counts=False)
+    scan = opened(LogSource(log), watcher)
     grid = grid_of(scan)
     against = None
     if truth is not None:
