@@ -41,7 +41,7 @@ def coverage(
     from surfuse.commands.judge import coverage as work
     from surfuse.commands.judge.truth_files import TruthFrame
 
-    with TerminalWatcher(quiet or as_json) as watcher:
+    with TerminalWatcher(quiet or as_json, checkpoints=False) as watcher:
         texts = options.overrides(assignments, method, None)
         outcome = work.coverage(log, truth, scale, texts, watcher, TruthFrame(truth_frame))
     return options.show(outcome.summary, outcome.table, as_json, quiet)
