@@ -31,6 +31,10 @@ class ControlLaw(Protocol):
     def name(self) -> str: ...
     @property
     def period_s(self) -> float: ...
+    @property
+    def settle_rad(self) -> float:
+        """How near to its target this law brings every joint for certain, within the time that a stop may take."""
+
     def commands(self, trajectory: Trajectory) -> Commands:
         """The motion as this controller is told it."""
 
@@ -79,6 +83,8 @@ class LoopGains:
 
 
 STANDARD_GAINS = LoopGains()
+INTEGRATED_RAD = float(np.radians(0.0115))
+"""A law with an integrator that never lets go brings a joint nearer than this, whatever friction does."""
 
 
 def every_tick(trajectory: Trajectory, period_s: float) -> Commands:

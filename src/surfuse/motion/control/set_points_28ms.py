@@ -26,6 +26,8 @@ class SetPoints28ms:
 
     name = "set_points_28ms"
     period_s = SET_POINT_S / INTERPOLATED
+    # Its integrator works near the target only, and creeps: this much is left when a stop must begin.
+    settle_rad = 9e-4
 
     def __init__(self, dynamics: ArmDynamics, nominal_rad: FloatArray, gains: LoopGains = STANDARD_GAINS) -> None:
         inertia = np.diag(dynamics.inertia(nominal_rad))
