@@ -84,7 +84,9 @@ class LoopGains:
 
 STANDARD_GAINS = LoopGains()
 INTEGRATED_RAD = float(np.radians(0.0115))
-"""A law with an integrator that never lets go brings a joint nearer than this, whatever friction does."""
+"""A law that knows the friction and integrates the rest brings a joint nearer than this."""
+CREEPING_RAD = 9e-4
+"""What an integrator that creeps against dry friction leaves when a stop must begin."""
 
 
 def every_tick(trajectory: Trajectory, period_s: float) -> Commands:
