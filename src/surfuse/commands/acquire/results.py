@@ -16,7 +16,7 @@ from surfuse.errors import DataError
 from surfuse.exporters import nc
 from surfuse.interfaces import FusionMethod
 from surfuse.plan.margin import margin_in_words
-from surfuse.records import FusionScene, Gap, ScanPlan, SurfaceMap, Sweep
+from surfuse.records import FusionScene, Gap, Outline, ScanPlan, SurfaceMap, Sweep
 from surfuse.rig.devices import Rig, Truth
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
@@ -24,6 +24,7 @@ from surfuse.settings import Settings
 from surfuse.surface.gridding import lattice
 from surfuse.surface.score import score
 from surfuse.surface.truth import truth_around
+from surfuse.surface.truth_pieces import pieces_of_part
 
 _HARMLESS = ("frames", "foreign", "triggers", "readings")
 
@@ -91,7 +92,7 @@ def finish(
     gaps = int((result.points.gap != int(Gap.NONE)).sum())
     rows = []
     if rig.truth is not None:
-        rows = _score(run, surface, rig.truth, data)
+        rows = _score(run, surface, _of_scanned_part(rig.truth, scene.outline), data)
     data["gaps"] = gaps
     rows += [
         ("stops", f"{len(sweeps)} scanned, {len(plan.skipped)} left out"),
@@ -115,6 +116,11 @@ def _margin_row(settings: Settings, scene: FusionScene, plan: ScanPlan) -> list[
     if scene.outline is None:
         return []
     return [("margin", margin_in_words(scene.outline, plan.outline.margin_m, settings.scan.margin_m is not None))]
+
+
+def _of_scanned_part(truth: Truth, outline: Outline | None) -> Truth:
+    """The truth without other parts on the table, which were not scanned."""
+    return truth if outline is None else Truth(*pieces_of_part(truth.vertices_m, truth.triangles, outline))
 
 
 def _score(run: RunFolder, surface: SurfaceMap, truth: Truth, data: dict[str, object]) -> list[tuple[str, str]]:
