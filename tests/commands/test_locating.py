@@ -92,4 +92,4 @@ def test_a_part_is_scored_with_its_own_truth_alone(two_boxes, tmp_path, number, 
     outcome = acquire(settings, tmp_path / "run", SilentWatcher())
     assert outcome.summary["coverage"] > 0.6
     mesh = trimesh.load_mesh(tmp_path / "run" / "truth.ply")
-    assert sorted(mesh.bounding_box_oriented.extents)[1] == pytest.approx(width, abs=0.002)
+    assert sorted(mesh.bounding_box_oriented.extents)[1] == pytest.approx(width, abs=0.004)
