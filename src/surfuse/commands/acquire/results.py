@@ -5,9 +5,13 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
+import numpy as np
+
 from surfuse import __version__
+from surfuse.commands.acquire.settings_check import doubts
 from surfuse.commands.fuse.map_of_result import surface_of
 from surfuse.commands.judge.evaluation import edge_m, score_data, score_rows
 from surfuse.commands.maps.report import write_report
@@ -16,10 +20,11 @@ from surfuse.errors import DataError
 from surfuse.exporters import nc
 from surfuse.interfaces import FusionMethod
 from surfuse.plan.margin import margin_in_words
-from surfuse.records import FusionScene, Gap, Outline, ScanPlan, SurfaceMap, Sweep
+from surfuse.records import FusionScene, Gap, IntArray, Outline, ScanPlan, SurfaceMap, Sweep
 from surfuse.rig.devices import Rig, Truth
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
+from surfuse.runs.scan_log import few_echoes
 from surfuse.settings import Settings
 from surfuse.surface.gridding import lattice
 from surfuse.surface.score import score
@@ -89,6 +94,8 @@ def finish(
     result = method.finish(state, grid)
     surface = surface_of(result, grid, method.name, scene.outline)
     nc.write(run.surface, surface, overwrite=True, points=result.points)
+    few = few_echoes(statuses(sweeps))
+    data["warnings"] = [*rig.warnings, *doubts(settings, rig.specs, plan), *([] if few is None else [few])]
     gaps = int((result.points.gap != int(Gap.NONE)).sum())
     rows = []
     if rig.truth is not None:
@@ -110,6 +117,11 @@ def finish(
             cure="the report says why; check scan.standoff_m, the kit's settings and how the part stands",
         )
     return Finished(data, rows, complete=True)
+
+
+def statuses(sweeps: Sequence[Sweep]) -> IntArray:
+    """Status (N,) of all readings."""
+    return np.concatenate([sweep.status for sweep in sweeps]) if sweeps else np.zeros(0, dtype=np.int64)
 
 
 def _margin_row(settings: Settings, scene: FusionScene, plan: ScanPlan) -> list[tuple[str, str]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from surfuse.interfaces import FusionMethod
 from surfuse.records import FusionResult, Gap, MapGrid, Regime, Status, SurfaceMap, in_words
 from surfuse.runs.configuration import write_configuration
 from surfuse.runs.folder import RunFolder
-from surfuse.runs.scan_log import ScanLog, require_echoes
+from surfuse.runs.scan_log import ScanLog, few_echoes, require_echoes
 from surfuse.runs.scan_source import LogSource
 from surfuse.surface.gridding import lattice
 
@@ -115,9 +116,11 @@ def grid_of(scan: ScanLog) -> MapGrid:
 def opened(source: LogSource, watcher: Watcher) -> ScanLog:
     """A log that can be fused; what was odd about it is told."""
     scan = source.load()
+    require_echoes(scan.readings, str(source.log))
+    few = few_echoes(scan.readings.status)
+    scan = scan if few is None else replace(scan, warnings=(*scan.warnings, few))
     for warning in scan.warnings:
         watcher.warn(warning)
-    require_echoes(scan.readings, str(source.log))
     return scan
 
 

@@ -12,6 +12,7 @@ from surfuse import __version__, registry, settings
 from surfuse.acquire.station import take_sweep
 from surfuse.commands.acquire.locating import locate
 from surfuse.commands.acquire.plan_and_walk import plan_for, scene_of
+from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
 from surfuse.commands.acquire.warm_up import compile_fusion
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, SilentWatcher
@@ -66,6 +67,7 @@ def _cell(rig: Path | None, assignments: list[str]) -> list[Check]:
     try:
         chosen = settings.load(rig, assignments)
         built = simulated_rig(chosen)
+        refuse_contradictions(chosen, built.specs)
     except SurfuseError as error:
         return [("configuration", str(error), False)]
     checks: list[Check] = [("configuration", f"scene '{chosen.scene.name}', method '{chosen.fusion.method}'", True)]
@@ -83,6 +85,7 @@ def _reach(built: Rig, chosen: settings.Settings) -> list[Check]:
     return [
         ("camera", f"sees a part of {size[0]:.0f} x {size[1]:.0f} mm after {part.pictures} pictures", True),
         ("reach", f"{len(plan)} of {len(plan) + len(plan.skipped)} stops can be visited", True),
+        *(("doubt", text, True) for text in doubts(chosen, built.specs, plan)),
         *_fusion(built, chosen, part.outline, plan),
     ]
 
