@@ -16,7 +16,7 @@ from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import DeviceError, SafetyStopError, SurfuseError
 from surfuse.rig.devices import Rig
 from surfuse.rig.simulated.assembly import simulated_rig
-from surfuse.rig.simulated.servo_arm import ServoArm, ServoTwinArm
+from surfuse.rig.simulated.servo_arm import LAWS, ServoArm, ServoTwinArm
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_reader import read_log
 from surfuse.runs.progress import read_progress
@@ -153,8 +153,17 @@ def test_the_kinematic_arm_gives_almost_the_same_map(unbroken: Path, tmp_path: P
     assert np.nanmax(np.abs(one.height_m - other.height_m)) < 2e-3
 
 
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_can_finish_a_scan_with_its_own_tolerance(law: str, tmp_path: Path) -> None:
+    settings = SETTINGS.model_copy(update={"arm": SETTINGS.arm.model_copy(update={"law": law})})
+    outcome = acquisition.acquire(settings, tmp_path / "run", SilentWatcher())
+    assert outcome.complete
+    assert isinstance(rmse_mm := outcome.summary["rmse_mm"], float)
+    assert rmse_mm < 1.0
+
+
 def test_a_law_that_friction_keeps_from_arriving_says_so_and_scans_with_a_wider_tolerance(tmp_path: Path) -> None:
-    weak = {"law": "gravity_pd"}
+    weak = {"law": "gravity_pd", "settle_deg": 0.0115}
     settings = SETTINGS.model_copy(update={"arm": SETTINGS.arm.model_copy(update=weak)})
     with pytest.raises(
         DeviceError, match=r"joint \d is still 0\.\d+ deg from its target after 3 s, at most 0\.011 deg"

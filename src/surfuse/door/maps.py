@@ -9,13 +9,13 @@ from pathlib import Path
 from surfuse.commands.explain.map_source import MapSource
 from surfuse.commands.fuse.map_of_log import fused, grid_of, require_cells
 from surfuse.commands.fuse.methods import create_method, method_lines
-from surfuse.commands.judge.evaluation import MapScore, edge_truth, map_score, read_truth
+from surfuse.commands.judge.evaluation import MapScore, file_score, map_score
 from surfuse.commands.judge.findings import findings_of
 from surfuse.commands.maps.map_files import map_path, read_map
 from surfuse.door.arguments import FilePath, finite_number, path_of, plain_values, shown
 from surfuse.door.logs import Log
 from surfuse.door.surface_map import SurfaceMap
-from surfuse.errors import UsageError
+from surfuse.errors import DataError, UsageError
 from surfuse.exporters import nc
 from surfuse.interfaces import FusionMethod
 from surfuse.runs.folder import RunFolder
@@ -108,9 +108,11 @@ def evaluate(surface: SurfaceMap | FilePath, truth: SurfaceMap | FilePath, scale
     """
     record = surface.record if isinstance(surface, SurfaceMap) else read_map(path_of(surface, "surface"))
     if isinstance(truth, SurfaceMap):
-        return map_score(record, truth.record, truth.record)
+        found = map_score(record, truth.record, truth.record)
+        if found.cells == 0:
+            raise DataError("map and truth have no cell in common", cure="give truth in the frame of the readings")
+        return found
     file, factor = path_of(truth, "truth"), finite_number(scale, "scale")
     if not factor > 0.0:
         raise UsageError(f"scale = {factor:g}", cure="give a factor > 0, 0.001 for millimetres")
-    near, fine = (reader(file, record.grid, factor) for reader in (read_truth, edge_truth))
-    return map_score(record, near, fine, where=str(file))
+    return file_score(record, file, factor)

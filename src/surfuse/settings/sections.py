@@ -78,8 +78,11 @@ class ArmSettings(Section):
     joint_speed_deg_s: float = Field(60.0, gt=0.0, le=1000.0, description="of every joint of an arm file")
     joint_acceleration_deg_s2: float = Field(120.0, gt=0.0, le=10000.0, description="of every joint of an arm file")
     speed_share: float = Field(1.0, gt=0.0, le=1.0, description="share of the joint speeds and accelerations")
-    settle_deg: float = Field(
-        0.0115, gt=0.0, le=5.0, description="behind the servo cards: a joint nearer to its target than this has arrived"
+    settle_deg: float | None = Field(
+        None,
+        gt=0.0,
+        le=5.0,
+        description="behind the servo cards: a joint nearer to its target has arrived; default: what the law can do",
     )
     settle_s: float = Field(0.15, ge=0.0, le=10.0, description="rest after each move, before the array fires")
     repeatability_mm: float = Field(0.1, ge=0.0, le=10.0, description="repeatability at the tool")
@@ -247,9 +250,8 @@ class Settings(Section):
 
     @model_validator(mode="after")
     def _fits_the_bus(self) -> Self:
-        if self.bus.interface == NO_BUS:
-            return self
-        if self.array.pings > BUS_PINGS_LIMIT:
+        # On a smooth pass `scan.pings` is what the bus carries, and its own limit is lower.
+        if self.bus.interface != NO_BUS and self.scan.mode == "stops" and self.array.pings > BUS_PINGS_LIMIT:
             raise ConfigError(
                 f"array.pings = {self.array.pings}, a reading on the bus counts at most {BUS_PINGS_LIMIT}",
                 cure="give fewer, or bus.interface = 'none'",

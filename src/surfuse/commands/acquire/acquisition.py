@@ -12,7 +12,8 @@ from pathlib import Path
 
 from surfuse.commands.acquire.locating import finder, locate
 from surfuse.commands.acquire.plan_and_walk import go_to_start, plan_for, scene_of, smooth_walk, walk
-from surfuse.commands.acquire.results import Finished, bus_event, finish, outcome_of
+from surfuse.commands.acquire.results import Finished, bus_event, finish, outcome_of, statuses
+from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
 from surfuse.commands.acquire.warm_up import warm_up_beside
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, Watcher
@@ -26,6 +27,7 @@ from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
 from surfuse.runs.log_writer import LogWriter
 from surfuse.runs.progress import ScanProgress, read_progress
+from surfuse.runs.scan_log import few_echoes
 from surfuse.settings import Settings, from_tree
 
 
@@ -40,6 +42,7 @@ def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
     settings = _from_anywhere(settings)
     finder(settings)  # an unknown threshold is refused before anything is written
     method, rig = create_method(settings.fusion), simulated_rig(settings)
+    refuse_contradictions(settings, rig.specs)
     run = RunFolder.create(out or default_folder(settings.scene.name))
     with run.lock(), _resumable(run):
         write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
@@ -93,6 +96,8 @@ def _resumable(run: RunFolder) -> Iterator[None]:
         yield
     except KeyboardInterrupt as error:
         raise InterruptError("interrupted; what was scanned is on disk", cure=go_on) from error
+    except InterruptError as error:
+        raise InterruptError(error.what, cure=go_on) from error
     except (SafetyStopError, DeviceError) as error:
         cure = f"{error.cure}; what was scanned is on disk, {go_on}"
         raise type(error)(error.what, cure=cure.removeprefix("; "), where=error.where) from error
@@ -125,13 +130,15 @@ def _acquire(run: RunFolder, settings: Settings, rig: Rig, method: FusionMethod,
     progress = read_progress(run.path)
     with warm_up_beside(method.name) as warm_up, rig.opened(), LogWriter(run.log) as log:
         scene, plan, done = _begin(progress, settings, rig, log, watcher)
-        bring = partial(go_to_start, rig, settings, plan.outline, plan)
+        bring = partial(go_to_start, rig, settings, plan.outline, plan, should_stop=watcher.stop_requested)
         with _noted(log, rig):
             state, sweeps, finished = walk(
                 rig, plan, scene, method, done, log, watcher, bring, smooth_walk(rig, settings)
             )
         if (trouble := bus_event(rig)) is not None:
             log.append_event(trouble)
+        if finished and (doubt := few_echoes(statuses(sweeps))) is not None:
+            _tell(rig, log, watcher, "readings", doubt)
         if warm_up is not None and finished:
             watcher.stage("compile, once")
             warm_up.wait()
@@ -157,7 +164,15 @@ def _begin(
         log.append_frame(found.frame)
     log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, "search", f"part found after {part.pictures} pictures"))
     log.append_plan(plan)
+    for doubt in doubts(settings, rig.specs, plan):
+        _tell(rig, log, watcher, "settings", doubt)
     return scene, plan, ()
+
+
+def _tell(rig: Rig, log: LogWriter, watcher: Watcher, source: str, doubt: str) -> None:
+    """A doubt for the user, now and in the report."""
+    watcher.warn(doubt)
+    log.append_event(LogEvent(rig.clock.now_s(), Level.WARN, source, doubt))
 
 
 def default_folder(scene: str) -> Path:

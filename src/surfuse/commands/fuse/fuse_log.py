@@ -12,7 +12,7 @@ import numpy as np
 from surfuse import __version__
 from surfuse.commands.acquire.acquisition import default_folder
 from surfuse.commands.fuse.map_of_log import fused, grid_of, opened, require_cells
-from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.fuse.methods import create_method, fusion_settings
 from surfuse.commands.maps.report import write_report
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.exporters import nc
@@ -21,7 +21,7 @@ from surfuse.records import FusionResult, Gap, Regime, SurfaceMap, in_words
 from surfuse.runs.configuration import write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import ScanLog
-from surfuse.settings import load
+from surfuse.runs.scan_source import LogSource
 
 
 def fuse(
@@ -41,10 +41,11 @@ def fuse(
     SurfuseError : with the exit status of its kind; nothing is written then, but perhaps an empty folder.
     """
     began = time.perf_counter()
-    settings = load(None, overrides)
+    settings = fusion_settings(overrides, "fuse")
     method = create_method(settings.fusion)
+    source = LogSource(log, sensors, frame, outline)
     watcher.stage("read")
-    scan = opened(log, watcher, sensors, frame, outline)
+    scan = opened(source, watcher)
     watcher.stage("fuse")
     grid = grid_of(scan)
     result, surface = fused(scan, method, grid)
@@ -54,7 +55,7 @@ def fuse(
         # A fused run has no log of its own: it names the one that it was made from.
         run.log.rmdir()
         tree = settings.model_dump(include={"fusion"})
-        write_configuration(run.configuration, {**tree, "source": {"log": str(log.resolve())}}, settings.seed)
+        write_configuration(run.configuration, {**tree, "source": source.table()}, settings.seed)
         nc.write(run.surface, surface, points=result.points)
         summary = _summary(scan, method, result, surface, log)
         run.write_text(run.summary, json.dumps(summary, indent=2) + "\n")

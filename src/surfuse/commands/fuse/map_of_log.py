@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from surfuse.errors import DataError
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FusionResult, MapGrid, Status, SurfaceMap
-from surfuse.runs.scan_log import ScanLog, require_echoes
-from surfuse.runs.scan_source import load_scan
+from surfuse.runs.scan_log import ScanLog, few_echoes, require_echoes
+from surfuse.runs.scan_source import LogSource
 from surfuse.surface.gridding import lattice
 
 
@@ -38,14 +38,14 @@ def grid_of(scan: ScanLog) -> MapGrid:
     return lattice(transform_points(inverse(scan.world_from_part), seen)[:, :2], scan.world_from_part)
 
 
-def opened(
-    log: Path, watcher: Watcher, sensors: Path | None = None, frame: Path | None = None, outline: Path | None = None
-) -> ScanLog:
+def opened(source: LogSource, watcher: Watcher) -> ScanLog:
     """A log that can be fused; what was odd about it is told."""
-    scan = load_scan(log, sensors, frame, outline)
+    scan = source.load()
+    require_echoes(scan.readings, str(source.log))
+    few = few_echoes(scan.readings.status)
+    scan = scan if few is None else replace(scan, warnings=(*scan.warnings, few))
     for warning in scan.warnings:
         watcher.warn(warning)
-    require_echoes(scan.readings, str(log))
     return scan
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from surfuse.errors import ConfigError
 from surfuse.geometry.compiled import compiled
-from surfuse.motion.control.law import STANDARD_GAINS, Commands, LoopGains, every_tick
+from surfuse.motion.control.law import INTEGRATED_RAD, STANDARD_GAINS, Commands, LoopGains, every_tick
 from surfuse.motion.newton_euler import newton_euler
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trajectory import Trajectory
@@ -40,6 +40,7 @@ class ComputedTorque:
 
     name = "computed_torque"
     period_s = 1e-3
+    settle_rad = INTEGRATED_RAD
 
     def __init__(self, dynamics: ArmDynamics, parameters: Parameters = Parameters()) -> None:
         w = parameters.gains.natural_rad_s

@@ -25,6 +25,8 @@ class GravityPd:
         inertia = np.diag(dynamics.inertia(nominal_rad))
         self._kp = inertia * gains.natural_rad_s**2
         self._kd = inertia * 2.0 * gains.damping * gains.natural_rad_s
+        # Where dry friction holds what the spring of the error pulls; a quarter more for what the model does not know.
+        self.settle_rad = 1.25 * float(np.max(dynamics.coulomb_nm.max(axis=1) / self._kp))
         self._limit_nm = dynamics.torque_max_nm
         self._arguments = dynamics.kernel_arguments()
         self._still = np.zeros(len(dynamics))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from surfuse.geometry.compiled import compiled
-from surfuse.motion.control.law import STANDARD_GAINS, Commands, LoopGains, every_tick
+from surfuse.motion.control.law import CREEPING_RAD, STANDARD_GAINS, Commands, LoopGains, every_tick
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray
@@ -19,6 +19,8 @@ class IndependentPid:
 
     name = "independent_pid"
     period_s = 1e-3
+    # Its integrator creeps against dry friction: this much is left when a stop must begin.
+    settle_rad = CREEPING_RAD
 
     def __init__(self, dynamics: ArmDynamics, nominal_rad: FloatArray, gains: LoopGains = STANDARD_GAINS) -> None:
         inertia = np.diag(dynamics.inertia(nominal_rad))

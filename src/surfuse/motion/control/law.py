@@ -31,6 +31,10 @@ class ControlLaw(Protocol):
     def name(self) -> str: ...
     @property
     def period_s(self) -> float: ...
+    @property
+    def settle_rad(self) -> float:
+        """How near to its target this law brings every joint for certain, within the time that a stop may take."""
+
     def commands(self, trajectory: Trajectory) -> Commands:
         """The motion as this controller is told it."""
 
@@ -79,6 +83,10 @@ class LoopGains:
 
 
 STANDARD_GAINS = LoopGains()
+INTEGRATED_RAD = float(np.radians(0.0115))
+"""A law that knows the friction and integrates the rest brings a joint nearer than this."""
+CREEPING_RAD = 9e-4
+"""What an integrator that creeps against dry friction leaves when a stop must begin."""
 
 
 def every_tick(trajectory: Trajectory, period_s: float) -> Commands:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from surfuse.geometry.compiled import compiled
-from surfuse.motion.control.law import STANDARD_GAINS, Commands, LoopGains
+from surfuse.motion.control.law import CREEPING_RAD, STANDARD_GAINS, Commands, LoopGains
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray
@@ -26,6 +26,8 @@ class SetPoints28ms:
 
     name = "set_points_28ms"
     period_s = SET_POINT_S / INTERPOLATED
+    # Its integrator works near the target only, and creeps: this much is left when a stop must begin.
+    settle_rad = CREEPING_RAD
 
     def __init__(self, dynamics: ArmDynamics, nominal_rad: FloatArray, gains: LoopGains = STANDARD_GAINS) -> None:
         inertia = np.diag(dynamics.inertia(nominal_rad))

@@ -156,7 +156,7 @@ def build_servo_arm(
         chosen,
         planner or torque_limited(model, LIMITS),
         Calibration() if calibrated_at_start else start_rad,
-        parameters or trident.Parameters(),
+        parameters or trident.Parameters(chosen.settle_rad),
         guard,
         loop=CompiledTicks(card, plant) if compiled_loop else None,
     )
