@@ -9,6 +9,7 @@ from importlib.metadata import entry_points
 from types import ModuleType
 
 from surfuse.errors import ConfigError, UsageError, nearest
+from surfuse.extras import missing_package
 
 KINDS = ("cameras", "arms", "sensors", "fusion", "exporters")
 
@@ -41,10 +42,7 @@ def load(kind: str, name: str) -> ModuleType:
         else:
             module = importlib.import_module(f"surfuse.{kind}.{name}")
     except ModuleNotFoundError as error:
-        raise ConfigError(
-            f"{kind} plug-in '{name}' needs the package '{error.name}', which is not installed",
-            cure=f"pip install {error.name}",
-        ) from error
+        raise missing_package(error, f"{kind} plug-in '{name}'") from error
     if not isinstance(module, ModuleType):
         raise ConfigError(
             f"entry point '{name}' of surfuse.{kind} is {module!r}, not a module", cure="point it at a module"

@@ -27,8 +27,6 @@ from surfuse.records import (
     Sweep,
 )
 
-pytest.importorskip("toppra")
-
 ARM = Puma560(pose(np.eye(3), [0, 0, STAND_HEIGHT_M]), pose(np.eye(3), [0, 0, 0.08 - FLANGE_OFFSET_M]))
 SPEC = SensorSpec("s", "sonar", 0.35, 4.0, 0.4, 0.001, firing_time_s=0.025)
 FIXTURE = Fixture(

@@ -84,7 +84,6 @@ def test_laws_have_names() -> None:
 
 
 def test_the_study_shows_what_the_cards_were_bought_for(tmp_path: Path) -> None:
-    pytest.importorskip("toppra")
     outcome = servo_study(load(), tmp_path / "study", 4, SilentWatcher())
     ratios = outcome.summary["ratios"]
     assert isinstance(ratios, dict)

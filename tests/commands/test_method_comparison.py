@@ -23,7 +23,7 @@ def test_every_method_has_a_row_a_map_and_a_place_on_the_page(command, tmp_path,
     assert command("acquire", "relief", "--method", "weighted_average", "--set", "scan.step_m=0.04",
                    "--out", run, "--quiet").status == 0  # fmt: skip
     out = tmp_path / "methods"
-    outcome = method_comparison.compare(run, run / "truth.ply", out, (), SilentWatcher())
+    outcome = method_comparison.compare(run, method_comparison.TruthFile(run / "truth.ply"), out, (), SilentWatcher())
     assert [name for name, _ in outcome.table] == ["method", "median", "weighted_average", "page"]
     assert {path.name for path in out.iterdir()} >= {"median.nc", "weighted_average.nc", "comparison.html"}
     page = (out / "comparison.html").read_text("utf-8")

@@ -131,7 +131,6 @@ def test_the_old_controller_is_told_a_point_every_28_ms_with_straight_lines_betw
 
 
 def test_a_time_optimal_pass_goes_through_every_point_within_all_limits() -> None:
-    pytest.importorskip("toppra")
     from surfuse.motion.time_optimal import PassParameters, time_optimal_pass
 
     wave = np.linspace(0.0, 1.0, 25)[:, None]
@@ -159,7 +158,6 @@ def test_a_hostile_pass_is_refused() -> None:
 
 
 def pass_through_a_line(**how: float) -> tuple[Trajectory, FloatArray, FloatArray]:
-    pytest.importorskip("toppra")
     from surfuse.motion.time_optimal import PassParameters, time_optimal_pass
 
     points = READY_RAD + np.linspace(0.0, 1.0, 15)[:, None] * np.radians([12.0, -3.0, 4.0, 2.0, -5.0, 3.0])

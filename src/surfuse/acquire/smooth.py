@@ -71,7 +71,7 @@ def smooth_scan(
     arm to where the line with a stop begins, whenever the line before it was not run. `on_sweep` takes every sweep with
     the encoder samples since the one before it; each reading carries the pose at its own firing time. Stops in `done`
     are passed without a sweep. A sweep that fails is left out: nobody can go back for it in time. `should_stop` is
-    asked before every line.
+    asked before every line, and again after `bring`.
 
     Raises
     ------
@@ -89,6 +89,8 @@ def smooth_scan(
             return ScanOutcome(int(line[0]), False, missed, arm.joint_state().t_s - began_s)
         if not there:
             bring(int(line[0]))
+            if should_stop():
+                return ScanOutcome(int(line[0]), False, missed, arm.joint_state().t_s - began_s)
         before_stop(int(line[0]))
         there = True
         missed += _run_line(plan, line, arm, array, planner, on_sweep, before_stop, parameters, done)

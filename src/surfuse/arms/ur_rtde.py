@@ -17,6 +17,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
+from surfuse.extras import needed_by
 from surfuse.interfaces import Clock, Kinematics
 from surfuse.motion.limits import JointLimits, check_position
 from surfuse.motion.trapezoid import durations_s
@@ -101,10 +102,12 @@ class UrArm:
         self._last_stamp_s, self._heard_s = -1.0, 0.0
 
     def __enter__(self) -> Self:
+        with needed_by("an arm of Universal Robots", self._host):
+            from rtde_receive import (  # type: ignore[import-not-found,import-untyped,unused-ignore]
+                RTDEReceiveInterface,
+            )
+
         self._check_controller()
-        from rtde_receive import (  # type: ignore[import-not-found,import-untyped,unused-ignore]
-            RTDEReceiveInterface,
-        )
 
         try:
             self._script = socket.create_connection((self._host, SCRIPT_PORT), self._parameters.answer_timeout_s)

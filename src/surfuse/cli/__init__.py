@@ -20,6 +20,7 @@ import typer
 
 from surfuse import __version__
 from surfuse.errors import InterruptError, StorageError, SurfuseError, UsageError, nearest
+from surfuse.extras import missing_package
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -109,6 +110,9 @@ def main() -> None:
         _fail(f"{error.format_message()} Try 'surfuse --help' or 'surfuse COMMAND --help'.", 2, error)
     except (typer.Abort, KeyboardInterrupt) as error:
         _fail("interrupted", INTERRUPTED, error)
+    except ModuleNotFoundError as error:
+        missing = missing_package(error, "this")
+        _fail(str(missing), missing.exit_status, error)
     except BrokenPipeError:
         _drop_output()
         sys.exit(0)

@@ -23,7 +23,7 @@ _COLUMNS = "u_m,v_m,w_m,sigma_m,confidence,count,regime"
 _MEASURED = _COLUMNS + ",measured"
 _SECOND = _MEASURED + ",alternative_w_m,alternative_weight"
 _LAYOUTS = (_COLUMNS, _MEASURED, _SECOND)
-_MARK = "# surfuse map "
+MARK = "# surfuse map "
 
 
 def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
@@ -42,7 +42,7 @@ def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
     }
     second, weight = surface.alternative_height_m, surface.alternative_weight
     two = second is not None and weight is not None
-    lines = [_MARK + json.dumps(head), _SECOND if two else _MEASURED]
+    lines = [MARK + json.dumps(head), _SECOND if two else _MEASURED]
     r, c = np.nonzero(surface.mask)
     columns: list[FloatArray | IntArray | ByteArray] = [
         surface.grid.u_m[c],
@@ -75,11 +75,11 @@ def read(path: Path) -> SurfaceMap:
         raise DataError("not a text file", where=str(path), cure="give a map exported as .csv") from error
     except OSError as error:
         raise StorageError(f"cannot be read: {error.strerror}", where=str(path)) from error
-    if len(lines) < 2 or not lines[0].startswith(_MARK) or lines[1] not in _LAYOUTS:
+    if len(lines) < 2 or not lines[0].startswith(MARK) or lines[1] not in _LAYOUTS:
         cure = "give a map exported as .csv; readings are fused with 'surfuse fuse'"
         raise DataError("not a map exported by surfuse", where=f"{path}:1", cure=cure)
     try:
-        head = json.loads(lines[0].removeprefix(_MARK))
+        head = json.loads(lines[0].removeprefix(MARK))
         grid = MapGrid(u_m=head["u_m"], v_m=head["v_m"], world_from_part=head["world_from_part"])
         method, version = str(head["method"]), int(head["version"])
     except (ValueError, KeyError, TypeError, RecursionError) as error:

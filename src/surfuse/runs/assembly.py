@@ -49,7 +49,11 @@ def assemble(single: SingleReadings, frame: Path | None, outline: Path | None, w
     DataError, ConfigError : the frame or the outline cannot be used, or an outline comes without a frame.
     """
     if outline is not None and frame is None:
-        raise DataError("an outline without a part frame", where=str(outline), cure="add frame.toml beside it")
+        raise DataError(
+            "an outline without a part frame",
+            where=str(outline),
+            cure="give the part frame too: frame.toml, beside it or with --frame",
+        )
     rows, start, stops = _sweeps(single)
     position, axis = single.position_m[rows], single.axis[rows]
     if frame is None:

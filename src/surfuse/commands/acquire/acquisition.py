@@ -93,6 +93,8 @@ def _resumable(run: RunFolder) -> Iterator[None]:
         yield
     except KeyboardInterrupt as error:
         raise InterruptError("interrupted; what was scanned is on disk", cure=go_on) from error
+    except InterruptError as error:
+        raise InterruptError(error.what, cure=go_on) from error
     except (SafetyStopError, DeviceError) as error:
         cure = f"{error.cure}; what was scanned is on disk, {go_on}"
         raise type(error)(error.what, cure=cure.removeprefix("; "), where=error.where) from error
@@ -125,7 +127,7 @@ def _acquire(run: RunFolder, settings: Settings, rig: Rig, method: FusionMethod,
     progress = read_progress(run.path)
     with warm_up_beside(method.name) as warm_up, rig.opened(), LogWriter(run.log) as log:
         scene, plan, done = _begin(progress, settings, rig, log, watcher)
-        bring = partial(go_to_start, rig, settings, plan.outline, plan)
+        bring = partial(go_to_start, rig, settings, plan.outline, plan, should_stop=watcher.stop_requested)
         with _noted(log, rig):
             state, sweeps, finished = walk(
                 rig, plan, scene, method, done, log, watcher, bring, smooth_walk(rig, settings)

@@ -15,7 +15,7 @@ from surfuse.commands.fuse.fuse_log import fused, grid_of
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.judge.evaluation import edge_m, score_data
 from surfuse.commands.outcome import Outcome, Watcher, finite
-from surfuse.errors import SurfuseError
+from surfuse.errors import InterruptError, SurfuseError
 from surfuse.records import Score, SurfaceMap
 from surfuse.report.comparison import render_comparison
 from surfuse.report.content import Axis, ComparisonContent, KeyFigure, NamedMap, SceneComparison, ScoreRow
@@ -87,6 +87,7 @@ def reproduce(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome
     run.log.rmdir()
     compared = []
     for experiment in EXPERIMENTS:
+        _go_on(watcher, run)
         scene = settings.model_copy(update={"scene": settings.scene.model_copy(update={"name": experiment.scene})})
         outcome = acquire(scene, run.path / experiment.scene, watcher)
         if not outcome.complete:
@@ -104,6 +105,12 @@ def reproduce(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome
     return Outcome({"run": str(run.path), "report": str(run.report), "scenes": data, "wall_time_s": wall_s}, rows)
 
 
+def _go_on(watcher: Watcher, run: RunFolder) -> None:
+    """Stop here when the user asked for it."""
+    if watcher.stop_requested():
+        raise InterruptError("stopped; the scenes that were scanned are on disk", where=str(run.path))
+
+
 def _compare(experiment: Experiment, path: Path, settings: Settings, watcher: Watcher) -> Compared:
     """All methods on the readings of one run."""
     scan, run = load_scan(path), RunFolder(path)
@@ -113,6 +120,7 @@ def _compare(experiment: Experiment, path: Path, settings: Settings, watcher: Wa
     maps: dict[str, SurfaceMap] = {}
     failures: dict[str, str] = {}
     for name in sorted(registry.names("fusion"), key=lambda one: (one != PAPER, one)):
+        _go_on(watcher, run)
         try:
             _, maps[name] = fused(scan, create_method(settings.fusion, name), grid)
         except SurfuseError as error:

@@ -12,7 +12,7 @@ import numpy as np
 from surfuse import __version__
 from surfuse.commands.acquire.acquisition import default_folder
 from surfuse.commands.fuse.map_of_result import surface_of
-from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.fuse.methods import create_method, fusion_settings
 from surfuse.commands.maps.report import write_report
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.errors import DataError
@@ -23,8 +23,7 @@ from surfuse.records import FusionResult, Gap, MapGrid, Regime, Status, SurfaceM
 from surfuse.runs.configuration import write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import ScanLog, require_echoes
-from surfuse.runs.scan_source import load_scan
-from surfuse.settings import load
+from surfuse.runs.scan_source import LogSource
 from surfuse.surface.gridding import lattice
 
 
@@ -45,10 +44,11 @@ def fuse(
     SurfuseError : with the exit status of its kind; nothing is written then, but perhaps an empty folder.
     """
     began = time.perf_counter()
-    settings = load(None, overrides)
+    settings = fusion_settings(overrides, "fuse")
     method = create_method(settings.fusion)
+    source = LogSource(log, sensors, frame, outline)
     watcher.stage("read")
-    scan = opened(log, watcher, sensors, frame, outline)
+    scan = opened(source, watcher)
     watcher.stage("fuse")
     grid = grid_of(scan)
     result, surface = fused(scan, method, grid)
@@ -63,7 +63,7 @@ def fuse(
         # A fused run has no log of its own: it names the one that it was made from.
         run.log.rmdir()
         tree = settings.model_dump(include={"fusion"})
-        write_configuration(run.configuration, {**tree, "source": {"log": str(log.resolve())}}, settings.seed)
+        write_configuration(run.configuration, {**tree, "source": source.table()}, settings.seed)
         nc.write(run.surface, surface, points=result.points)
         summary = _summary(scan, method, result, surface, log)
         run.write_text(run.summary, json.dumps(summary, indent=2) + "\n")
@@ -112,14 +112,12 @@ def grid_of(scan: ScanLog) -> MapGrid:
     return lattice(transform_points(inverse(scan.world_from_part), seen)[:, :2], scan.world_from_part)
 
 
-def opened(
-    log: Path, watcher: Watcher, sensors: Path | None = None, frame: Path | None = None, outline: Path | None = None
-) -> ScanLog:
+def opened(source: LogSource, watcher: Watcher) -> ScanLog:
     """A log that can be fused; what was odd about it is told."""
-    scan = load_scan(log, sensors, frame, outline)
+    scan = source.load()
     for warning in scan.warnings:
         watcher.warn(warning)
-    require_echoes(scan.readings, str(log))
+    require_echoes(scan.readings, str(source.log))
     return scan
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from types import ModuleType
 
 from surfuse import registry
 from surfuse.errors import ConfigError, nearest
 from surfuse.interfaces import FusionMethod
-from surfuse.settings import FusionSettings, Plain
+from surfuse.settings import FusionSettings, Plain, Settings, load
 
 
 def create_method(settings: FusionSettings, name: str | None = None) -> FusionMethod:
@@ -31,6 +31,26 @@ def create_method(settings: FusionSettings, name: str | None = None) -> FusionMe
     module = registry.load("fusion", chosen)
     method: FusionMethod = module.create(_parameters(module, chosen, settings.parameters.get(chosen, {})))
     return method
+
+
+def fusion_settings(overrides: Sequence[str], command: str, method_counts: bool = True) -> Settings:
+    """The settings of a command that only fuses; `method_counts` is false where every method runs.
+
+    Raises
+    ------
+    ConfigError : an override that this command does nothing with, or that is none.
+    """
+    settings = load(None, overrides)
+    for text in overrides:
+        key = text.partition("=")[0].strip()
+        if key.split(".")[0] not in ("fusion", "seed"):
+            raise ConfigError(
+                f"--set {key}: 'surfuse {command}' does not use it, the readings are what they are",
+                cure="only fusion.* counts here; acquire again to change how a scan is made",
+            )
+        if key == "fusion.method" and not method_counts:
+            raise ConfigError(f"--set {key}: 'surfuse {command}' runs every method", cure="leave it out")
+    return settings
 
 
 def method_lines() -> list[tuple[str, str]]:

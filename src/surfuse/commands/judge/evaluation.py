@@ -7,56 +7,39 @@ from pathlib import Path
 
 import numpy as np
 
+from surfuse.commands.judge.truth_files import EDGE_REFINEMENT, TruthFrame, edge_truth, nothing_in_common, read_truth
 from surfuse.commands.maps.map_files import map_path, read_map
 from surfuse.commands.outcome import Outcome
-from surfuse.errors import DataError
-from surfuse.records import FloatArray, IntArray, MapGrid, Score, SurfaceMap
+from surfuse.records import FloatArray, IntArray, Score, SurfaceMap
 from surfuse.surface.grids import refined
 from surfuse.surface.score import edge_error, score, share_within
-from surfuse.surface.truth import read_truth_mesh, truth_around
+from surfuse.surface.truth import truth_around
 
-MESH_SUFFIXES = (".ply", ".stl", ".obj", ".glb", ".off")
 STEP_LEAST_M = 0.02
-_EDGE_REFINEMENT = 10
 NEAR_M = 0.003
 
 
-def evaluate(surface_path: Path, truth_path: Path, scale: float) -> Outcome:
-    """Error of a map file or run against a mesh in the frame of the readings, or against another map."""
+def evaluate(surface_path: Path, truth_path: Path, scale: float, frame: TruthFrame = TruthFrame.AUTO) -> Outcome:
+    """Error of a map file or run against a mesh or another map; `frame`: the one that the truth lies in.
+
+    Raises
+    ------
+    DataError : map or truth cannot be used, or they have no cell in common in that frame.
+    """
     surface = read_map(surface_path)
-    truth = read_truth(truth_path, surface.grid, scale)
+    truth = read_truth(truth_path, surface.grid, scale, frame)
     found = score(surface, truth)
     if found.cells == 0:
-        raise DataError(
-            "map and truth have no cell in common",
-            where=str(truth_path),
-            cure="give truth in the frame of the readings and in metres (see --scale)",
-        )
+        raise nothing_in_common(truth_path, frame)
     near = share_within(surface, truth, NEAR_M)
     summary: dict[str, object] = {"map": str(map_path(surface_path)), "truth": str(truth_path), **score_data(found)}
     summary |= {"method": surface.method, "within_3mm": near}
     rows = [*score_rows(found), ("within 3 mm", f"{100.0 * near:.1f} % of the true part")]
-    edge = edge_of(surface, edge_truth(truth_path, surface.grid, scale))
+    edge = edge_of(surface, edge_truth(truth_path, surface.grid, scale, frame))
     if not math.isnan(edge):
         summary["edge_mm"] = 1e3 * edge
         rows.append(("edge of the step", f"{1e3 * edge:+.1f} mm"))
     return Outcome(summary, rows)
-
-
-def read_truth(path: Path, grid: MapGrid, scale: float = 1.0) -> SurfaceMap:
-    """Truth from a file: a mesh in the world frame of the readings, or a map in any format or run folder."""
-    if path.is_file() and path.suffix.lower() in MESH_SUFFIXES:
-        vertices, triangles = read_truth_mesh(path)
-        return truth_around(scale * vertices, triangles, grid)
-    return read_map(path)
-
-
-def edge_truth(path: Path, grid: MapGrid, scale: float = 1.0) -> SurfaceMap:
-    """Truth for the position of an edge: a mesh on a grid so much finer that its own steps do not count."""
-    if path.is_file() and path.suffix.lower() in MESH_SUFFIXES:
-        vertices, triangles = read_truth_mesh(path)
-        return truth_around(scale * vertices, triangles, refined(grid, _EDGE_REFINEMENT))
-    return read_map(path)
 
 
 def score_data(found: Score) -> dict[str, object]:
@@ -85,7 +68,7 @@ def score_rows(found: Score) -> list[tuple[str, str]]:
 
 def edge_m(surface: SurfaceMap, vertices_m: FloatArray, triangles: IntArray) -> float:
     """Mean signed error of a step's position along v, against a truth mesh; nan where truth has no step."""
-    return edge_of(surface, truth_around(vertices_m, triangles, refined(surface.grid, _EDGE_REFINEMENT)))
+    return edge_of(surface, truth_around(vertices_m, triangles, refined(surface.grid, EDGE_REFINEMENT)))
 
 
 def edge_of(surface: SurfaceMap, truth: SurfaceMap) -> float:

@@ -13,8 +13,9 @@ import numpy as np
 
 from surfuse import __version__, durable, registry
 from surfuse.commands.fuse.fuse_log import fused, grid_of, opened
-from surfuse.commands.fuse.methods import create_method
-from surfuse.commands.judge.evaluation import NEAR_M, edge_of, edge_truth, has_step, read_truth, score_data
+from surfuse.commands.fuse.methods import create_method, fusion_settings
+from surfuse.commands.judge.evaluation import NEAR_M, edge_of, has_step, score_data
+from surfuse.commands.judge.truth_files import TruthFrame, edge_truth, nothing_in_common, read_truth
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.errors import SurfuseError
 from surfuse.exporters import nc
@@ -23,12 +24,22 @@ from surfuse.report.comparison import render_comparison
 from surfuse.report.content import ComparisonContent, NamedMap, ReportEvent, SceneComparison, ScoreRow
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import ScanLog
-from surfuse.settings import FusionSettings, load
+from surfuse.runs.scan_source import LogSource
+from surfuse.settings import FusionSettings
 from surfuse.surface.score import score, share_within
 
 PAGE = "comparison.html"
 _WITH_TRUTH = "RMSE mm  p95 mm  bias mm  coverage  in 3 mm  edge mm  seconds"
 _WITHOUT = "cells  median sigma mm  seconds"
+
+
+@dataclass(frozen=True)
+class TruthFile:
+    """A file of truth, the factor on its numbers, and the frame that they are in."""
+
+    path: Path
+    scale: float = 1.0
+    frame: TruthFrame = TruthFrame.AUTO
 
 
 @dataclass(frozen=True)
@@ -52,15 +63,19 @@ class MethodResult:
     within: float = math.nan
 
 
-def compare(log: Path, truth: Path | None, out: Path | None, overrides: Sequence[str], watcher: Watcher) -> Outcome:
+def compare(
+    log: Path, truth: TruthFile | None, out: Path | None, overrides: Sequence[str], watcher: Watcher
+) -> Outcome:
     """Every fusion method on the same readings; against truth when there is one.
 
     With `out`, the map of each method is written there as METHOD.nc, and all of them together as a page.
     """
-    settings = load(None, overrides)
-    scan = opened(log, watcher)
+    settings = fusion_settings(overrides, "compare", method_counts=False)
+    scan = opened(LogSource(log), watcher)
     grid = grid_of(scan)
-    against = Against(read_truth(truth, grid), edge_truth(truth, grid)) if truth is not None else None
+    against = None
+    if truth is not None:
+        against = Against(*(read(truth.path, grid, truth.scale, truth.frame) for read in (read_truth, edge_truth)))
     folder = _empty_folder(out) if out is not None else None
     names = registry.names("fusion")
     watcher.stage("compare", len(names))
@@ -68,6 +83,9 @@ def compare(log: Path, truth: Path | None, out: Path | None, overrides: Sequence
     for name in names:
         results.append(result_of(scan, settings.fusion, name, grid, against))
         watcher.advance()
+    scores = [one.found for one in results if one.found is not None]
+    if truth is not None and scores and not any(found.cells for found in scores):
+        raise nothing_in_common(truth.path, truth.frame)
     summary: dict[str, object] = {"log": str(log), "methods": {one.name: _entry(one) for one in results}}
     rows = [("method", _WITHOUT if against is None else _WITH_TRUTH), *((one.name, line_of(one)) for one in results)]
     if folder is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,20 +16,13 @@ from surfuse.commands.acquire.warm_up import compile_fusion
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, SilentWatcher
 from surfuse.errors import SurfuseError
+from surfuse.extras import EXTRAS, Extra
 from surfuse.records import Outline, ScanPlan, Status
 from surfuse.rig.devices import Rig
 from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.surface.gridding import lattice
 
 _CORE = ("numpy", "scipy", "numba", "embreex", "trimesh", "opencv-python-headless", "mcap", "h5netcdf", "viser")
-_EXTRAS = {
-    "sdfio": "surface",
-    "x3pio": "surface",
-    "serial": "serial",
-    "gpiozero": "gpio",
-    "mujoco": "dynamics",
-    "eaik": "closed-form",
-}
 
 Check = tuple[str, str, bool]
 
@@ -41,7 +33,9 @@ def doctor(rig: Path | None, assignments: list[str]) -> Outcome:
     checks += _cell(rig, assignments)
     rows = [(name, text if good else f"PROBLEM: {text}") for name, text, good in checks]
     problems = [name for name, _, good in checks if not good]
-    rows.append(("result", f"{len(problems)} problems: {', '.join(problems)}" if problems else "all is well"))
+    missing = ", ".join(extra.name for extra in EXTRAS if extra.missing)
+    well = f"all is well; extras that are not installed: {missing}" if missing else "all is well"
+    rows.append(("result", f"{len(problems)} problems: {', '.join(problems)}" if problems else well))
     data: dict[str, object] = {name: {"text": text, "good": good} for name, text, good in checks}
     return Outcome({"checks": data, "problems": problems}, rows)
 
@@ -53,12 +47,14 @@ def _packages() -> list[Check]:
             found.append((name, version(name), True))
         except PackageNotFoundError:
             found.append((name, f"not installed; pip install {name}", False))
-    for module, extra in _EXTRAS.items():
-        there = importlib.util.find_spec(module) is not None
-        found.append(
-            (module, "installed" if there else f"not installed; pip install 'surfuse[{extra}]' if needed", True)
-        )
-    return found
+    return found + [_extra(extra) for extra in EXTRAS]
+
+
+def _extra(extra: Extra) -> Check:
+    """An extra is no problem when it is missing: not everybody needs it."""
+    listing = ", ".join(extra.missing or extra.modules)
+    told = f"missing ({listing}); for {extra.purpose}: {extra.command}" if extra.missing else f"present ({listing})"
+    return f"extra {extra.name}", told, True
 
 
 def _plug_ins() -> list[Check]:

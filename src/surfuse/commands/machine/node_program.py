@@ -15,7 +15,7 @@ from types import FrameType
 
 from surfuse import registry
 from surfuse.commands.outcome import Outcome
-from surfuse.errors import ConfigError, nearest
+from surfuse.errors import ConfigError, UsageError, nearest
 from surfuse.interfaces import Clock, RangeSensor
 from surfuse.node.averaging import average_echoes
 from surfuse.node.catalogue import Catalogue
@@ -60,6 +60,7 @@ def node(
     DeviceError : the bus or a sensor cannot be opened.
     """
     chosen = read_node_file(file, options)
+    _refuse_unused(chosen, options)
     tally, bus = Tally(), bus_parameters(chosen.bus)
     identity = NodeIdentity(chosen.bus.node, uuid.getnode() % _UID_LIMIT, secrets.randbelow(_SESSIONS))
     average: Average | None = None
@@ -91,6 +92,16 @@ def node(
         say(f"node {identity.node} on {bus.interface} {bus.channel}: {len(sensors)} {kind} sensors; Ctrl-C ends it")
         run(responder, BusLink(lambda: open_bus(bus), MonotonicClock(), tally), stop)
     return _outcome(responder, identity, tally, [sensor.spec.name for sensor in sensors])
+
+
+def _refuse_unused(chosen: NodeFile, options: Mapping[str, object]) -> None:
+    """Options that this node would do nothing with."""
+    if chosen.sensors and options.get("tether_port") is not None:
+        raise UsageError("--tether-port with sensors of its own", cure="leave it out: it places simulated sensors")
+    if options.get("port") is not None and chosen.bus.interface != DEFAULT_BUS:
+        raise UsageError(
+            f"--port with the bus '{chosen.bus.interface}'", cure=f"leave it out: it is for {DEFAULT_BUS} (--bus udp)"
+        )
 
 
 @contextmanager

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from surfuse.commands.judge.truth_files import truth_mesh
 from surfuse.errors import DataError, nearest
 from surfuse.records import Readings, SensorSpec
 from surfuse.rig.simulated.ranger_bench import Shots, shots_of
 from surfuse.runs.scan_source import load_scan
-from surfuse.surface.truth import check_mesh, read_truth_mesh
+from surfuse.surface.truth import check_mesh
 from surfuse.twin.materials import Material
 from surfuse.twin.scene import Scene, SceneBody
 
@@ -26,7 +27,7 @@ def shots_in_log(spec: SensorSpec, log: Path, truth: Path) -> Shots:
     DataError : no readings, no mesh.
     """
     readings = load_scan(log).readings
-    vertices, faces = read_truth_mesh(truth)
+    vertices, faces = truth_mesh(truth)
     check_mesh(vertices, faces, str(truth))
     scene = Scene([SceneBody(vertices, faces, Material.PART, np.eye(4))])
     names = [one.name for one in readings.specs]
