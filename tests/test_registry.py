@@ -185,6 +185,37 @@ def test_nobody_replaces_a_built_in_one_or_takes_a_strange_name(site, command):
     assert len(command("methods").err.splitlines()) == 3
 
 
+def test_a_method_of_another_package_that_fails_does_not_end_a_comparison(site, monkeypatch, flat_run):
+    from surfuse.commands.judge import method_comparison
+    from surfuse.commands.outcome import SilentWatcher
+
+    code = GOOD.replace("mean.create(mean.Parameters())", "1 / 0")
+    site.package("other", "[surfuse.fusion]\nfails = failing", failing=code)
+    monkeypatch.setattr(method_comparison, "usable_methods", lambda warn: ("fails", "mean"))
+    rows = dict(method_comparison.compare(flat_run, None, None, (), SilentWatcher()).table)
+    assert "ZeroDivisionError" in rows["fails"]
+    assert "ZeroDivisionError" not in rows["mean"]
+
+
+def test_usable_methods_tells_of_those_that_are_not(site):
+    from surfuse.commands.fuse.methods import usable_methods
+
+    site.package("other", "[surfuse.fusion]\nbad = bad_module\nbeam = bad_module", bad_module="raise OSError")
+    told: list[str] = []
+    assert usable_methods(told.append) == registry.found("fusion").built_in
+    assert len(told) == 2
+
+
+def test_doctor_and_devices_name_what_is_left_out(site, command):
+    site.package("other", "[surfuse.arms]\nbad = bad_module", bad_module="raise OSError('no driver')")
+    said = command("devices", "--json").json
+    assert said["left_out"] == [
+        "arm driver 'bad' of the package 'other' is left out: it cannot be imported: OSError: no driver"
+    ]
+    told = command("doctor", "--set", "scan.step_m=-1").out
+    assert "arm driver 'bad' of the package 'other' is left out" in told
+
+
 def test_damaged_entry_points_of_one_package_do_not_hide_those_of_another(site):
     site.package("damaged", "[surfuse.fusion]\nno equals sign here\n")
     site.package("other", "[surfuse.fusion]\ntheirs = their_mean\n", their_mean=GOOD)

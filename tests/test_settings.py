@@ -152,3 +152,9 @@ def test_the_tree_of_settings_builds_them_again():
 def test_settings_do_not_change():
     with pytest.raises(ValueError, match="frozen"):
         load().scan.step_m = 0.5
+
+
+def test_the_control_law_is_one_of_the_plug_ins():
+    assert load(None, ["arm.law=gravity_pd"]).arm.law == "gravity_pd"
+    with pytest.raises(ConfigError, match=r"arm\.law = 'gravity_dp'; did you mean 'gravity_pd'"):
+        load(None, ["arm.law=gravity_dp"])
