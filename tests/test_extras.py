@@ -34,10 +34,12 @@ except SurfuseError as error:
 """
 _SERIAL = """from surfuse.sensors import tfmini
     tfmini.create(tfmini.Parameters('COM9', 'tfmini')).__enter__()"""
-_PINS = """from surfuse import registry
-    registry.load('sensors', 'hcsr04')"""
+_PINS = """from surfuse.sensors import hcsr04
+    hcsr04.create(hcsr04.Parameters('GPIO23', 'GPIO24')).__enter__()"""
 _ROBOT = """from surfuse.arms import ur_rtde
-    ur_rtde.UrArm('192.0.2.1', None, None, None, ur_rtde.Parameters(), None).__enter__()"""
+    from surfuse.motion.arm_surroundings import ArmSurroundings
+    around = ArmSurroundings(None, None)
+    ur_rtde.create(ur_rtde.Parameters('192.0.2.1', surroundings=around)).__enter__()"""
 _ARM = '<mujoco><worldbody><body><joint name="j"/><geom size="0.1"/></body></worldbody></mujoco>'
 MODULES = {module for extra in EXTRAS for module in extra.modules}
 

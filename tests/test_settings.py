@@ -162,3 +162,9 @@ def test_the_limit_of_the_bus_is_on_what_the_bus_carries():
         load(None, ["array.pings=50"])
     with pytest.raises(ConfigError, match=r"scan\.pings = 32"):
         load(None, ["scan.mode=smooth", "scan.pings=32"])
+
+
+def test_the_control_law_is_one_of_the_plug_ins():
+    assert load(None, ["arm.law=gravity_pd"]).arm.law == "gravity_pd"
+    with pytest.raises(ConfigError, match=r"arm\.law = 'gravity_dp'; did you mean 'gravity_pd'"):
+        load(None, ["arm.law=gravity_dp"])

@@ -7,6 +7,7 @@ from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND
 from surfuse.arms import simulated
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
 from surfuse.geometry.poses import pose
+from surfuse.motion.arm_surroundings import Guard
 from surfuse.plan.scan_plan import PlanParameters, scan_plan
 from surfuse.records import ByteArray, CameraModel, Echo, Fixture, FloatArray, Outline, SensorSpec, Status, Sweep
 
@@ -53,6 +54,13 @@ class Cell:
         return np.zeros((camera.height_px, camera.width_px), dtype=np.uint8)
 
 
+def arm_in(cell: Cell, guard: Guard | None = None) -> simulated.SimulatedArm:
+    around = simulated.Surroundings(
+        kinematics=ARM, limits=LIMITS, clock=cell, guard=guard, world=cell, start_rad=READY_RAD
+    )
+    return simulated.create(simulated.Parameters(surroundings=around))
+
+
 class Array:
     """Four rangers that ride on the arm; `failures` says how often the sweep of a stop fails."""
 
@@ -83,7 +91,7 @@ class Array:
 
 def run(failures: dict[int, int] | None = None, start_at: int = 0, last: int | None = None) -> tuple:
     cell = Cell()
-    arm = simulated.create(ARM, cell, cell, LIMITS, READY_RAD)
+    arm = arm_in(cell)
     sweeps: list[Sweep] = []
     outcome = scan(
         PLAN,
@@ -124,7 +132,7 @@ def test_times_go_forward_through_the_scan() -> None:
 
 def test_the_sweep_is_handed_on_before_the_arm_moves() -> None:
     cell = Cell()
-    arm = simulated.create(ARM, cell, cell, LIMITS, READY_RAD)
+    arm = arm_in(cell)
     seen: list[bool] = []
 
     def persist(sweep: Sweep) -> None:
@@ -154,7 +162,7 @@ def test_a_failing_sweep_is_fired_again() -> None:
 
 def test_a_dead_array_ends_the_scan_with_everything_before_it_handed_on() -> None:
     cell = Cell()
-    arm = simulated.create(ARM, cell, cell, LIMITS, READY_RAD)
+    arm = arm_in(cell)
     sweeps: list[Sweep] = []
     with pytest.raises(DeviceError, match=r"can0: stop 6 of 25: the array failed 3 times: no answer from node 3"):
         scan(PLAN, arm, Array(cell, arm, {6: 99}), sweeps.append, lambda stop: cell.begin("scan", stop))
@@ -168,7 +176,7 @@ def test_a_refused_move_ends_the_scan_with_everything_before_it_handed_on() -> N
         if np.array_equal(target, PLAN.joints_rad[3]):
             raise SafetyStopError("a hand is in the way")
 
-    arm = simulated.create(ARM, cell, cell, LIMITS, READY_RAD, guard=guard)
+    arm = arm_in(cell, guard)
     sweeps: list[Sweep] = []
     with pytest.raises(SafetyStopError):
         scan(PLAN, arm, Array(cell, arm), sweeps.append, lambda stop: cell.begin("scan", stop))

@@ -74,6 +74,11 @@ class Cell:
         return np.zeros((camera.height_px, camera.width_px), dtype=np.uint8)
 
 
+def arm_in(cell: Cell) -> simulated.SimulatedArm:
+    around = simulated.Surroundings(kinematics=ARM, limits=LIMITS, clock=cell, world=cell, start_rad=PLAN.joints_rad[0])
+    return simulated.create(simulated.Parameters(surroundings=around))
+
+
 class Array:
     """Four rangers that ride on the arm and fire one after the other; the sweeps numbered in `failing` fail."""
 
@@ -109,7 +114,7 @@ class Walk:
 
     def __init__(self, failing: Container[int] = (), planner: LinePlanner | None = None) -> None:
         self.cell = Cell()
-        self.arm = simulated.create(ARM, self.cell, self.cell, LIMITS, PLAN.joints_rad[0])
+        self.arm = arm_in(self.cell)
         self.array = Array(self.cell, self.arm, failing)
         self.sweeps: dict[int, Sweep] = {}
         self.samples: list[JointSamples] = []

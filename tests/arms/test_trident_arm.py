@@ -16,10 +16,9 @@ from surfuse.arm_models.puma560 import LIMITS, READY_RAD
 from surfuse.arm_models.puma560_dynamics import FIXTURE, extra_load, loaded_puma560
 from surfuse.arms import trident
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
-from surfuse.motion.control.gravity_pd import GravityPd
-from surfuse.motion.control.independent_pid import IndependentPid
 from surfuse.motion.trapezoid import durations_s
 from surfuse.records import FloatArray
+from surfuse.rig.simulated.servo_arm import control_law
 from surfuse.servo_cards.scales import CardScales
 
 COUNT = CardScales().resolution_rad
@@ -49,11 +48,11 @@ def test_a_payload_error_of_two_kilograms_is_overcome() -> None:
 
 
 def test_independent_pid_arrives_too_and_pd_says_that_it_did_not() -> None:
-    with Bench(law=IndependentPid(MODEL, READY_RAD)).arm as arm:
+    with Bench(law=control_law("independent_pid", MODEL)).arm as arm:
         assert_allclose(arm.move_to(TARGET).position_rad, TARGET, atol=2e-4)
     slow = trident.Parameters(settle_timeout_s=0.5)
     with (
-        Bench(law=GravityPd(MODEL, READY_RAD), parameters=slow).arm as arm,
+        Bench(law=control_law("gravity_pd", MODEL), parameters=slow).arm as arm,
         pytest.raises(DeviceError, match=r"joint \d is still 0\.\d+ deg from its target after 0\.5 s"),
     ):
         arm.move_to(TARGET)

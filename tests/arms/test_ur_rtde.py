@@ -16,6 +16,7 @@ from numpy.testing import assert_allclose
 from surfuse.arm_models.puma560 import Puma560
 from surfuse.arms import ur_rtde
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
+from surfuse.motion.arm_surroundings import ArmSurroundings, Guard
 from surfuse.motion.limits import JointLimits
 from surfuse.records import FloatArray
 
@@ -27,7 +28,7 @@ if not sys.platform.startswith("linux"):
 ADDRESS = f"127.73.{os.getpid() // 250 % 250 + 1}.{os.getpid() % 250 + 1}"
 KINEMATICS = Puma560(np.eye(4), np.eye(4))
 LIMITS = JointLimits(np.full(6, -6.2), np.full(6, 6.2), np.full(6, 3.0), np.full(6, 10.0))
-QUICK = ur_rtde.Parameters(speed_share=1.0, settle_s=0.03, grace_s=0.5, answer_timeout_s=0.4)
+QUICK = ur_rtde.Parameters(ADDRESS, speed_share=1.0, settle_s=0.03, grace_s=0.5, answer_timeout_s=0.4)
 TARGET = np.array([0.2, -0.1, 0.15, 0.05, -0.2, 0.1])
 
 
@@ -65,8 +66,8 @@ def controller() -> Iterator[StandIn]:
     stand_in.close()
 
 
-def arm(guard: ur_rtde.Guard | None = None) -> ur_rtde.UrArm:
-    return ur_rtde.create(ADDRESS, KINEMATICS, LIMITS, WallClock(), QUICK, guard)
+def arm(guard: Guard | None = None) -> ur_rtde.UrArm:
+    return ur_rtde.create(replace(QUICK, surroundings=ArmSurroundings(KINEMATICS, LIMITS, WallClock(), guard)))
 
 
 def test_the_arm_goes_where_it_is_told_and_says_so(controller: StandIn) -> None:

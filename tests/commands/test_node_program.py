@@ -13,9 +13,10 @@ import pytest
 
 from surfuse.commands.machine.node_program import node, read_node_file
 from surfuse.errors import ConfigError, DeviceError
+from surfuse.interfaces import MonotonicClock
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
-from surfuse.node.firmware import MonotonicClock, Node
+from surfuse.node.firmware import Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import CanFrame
 from surfuse.node.responder import NodeIdentity, Responder

@@ -15,7 +15,7 @@ from surfuse.arm_models.puma560 import LIMITS, READY_RAD
 from surfuse.arm_models.puma560_dynamics import FIXTURE, extra_load, loaded_puma560
 from surfuse.arms import trident
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
-from surfuse.motion.control.law import Commands
+from surfuse.motion.control_law import Commands
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trapezoid import TrapezoidalMove
 from surfuse.records import Echo, Fixture, FloatArray, Outline, ScanPlan, SensorSpec, Status, Sweep

@@ -13,10 +13,11 @@ import pytest
 
 from surfuse.commands.acquire import acquisition
 from surfuse.commands.outcome import SilentWatcher
+from surfuse.commands.servo.servo_study import LAWS
 from surfuse.errors import DeviceError, SafetyStopError, SurfuseError
 from surfuse.rig.devices import Rig
 from surfuse.rig.simulated.assembly import simulated_rig
-from surfuse.rig.simulated.servo_arm import LAWS, ServoArm, ServoTwinArm
+from surfuse.rig.simulated.servo_arm import ServoArm, ServoTwinArm
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_reader import read_log
 from surfuse.runs.progress import read_progress

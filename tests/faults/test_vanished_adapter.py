@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from surfuse.interfaces import MonotonicClock
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
-from surfuse.node.firmware import MonotonicClock, Node
+from surfuse.node.firmware import Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.responder import NodeIdentity, Responder
 from surfuse.rig.simulated.tethered_sensors import TetheredSensors

@@ -10,8 +10,7 @@ from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, Puma5
 from surfuse.arm_models.puma560_dynamics import FIXTURE, JERK_RAD_S3, loaded_puma560
 from surfuse.errors import ConfigError, DataError, SafetyStopError
 from surfuse.geometry.poses import pose
-from surfuse.motion.control.law import every_tick
-from surfuse.motion.control.set_points_28ms import SetPoints28ms
+from surfuse.motion.control_law import every_tick
 from surfuse.motion.jerk_limited import JerkLimitedMove
 from surfuse.motion.limits import JointLimits
 from surfuse.motion.planners import torque_limited
@@ -19,6 +18,7 @@ from surfuse.motion.torque_limits import within_torque
 from surfuse.motion.trajectory import Trajectory
 from surfuse.motion.trapezoid import TrapezoidalMove, durations_s
 from surfuse.records import FloatArray
+from surfuse.rig.simulated.servo_arm import control_law
 
 MODEL = loaded_puma560(FIXTURE)
 KINEMATICS = Puma560(np.eye(4), pose(np.eye(3), [0.0, 0.0, 0.08 - FLANGE_OFFSET_M]))
@@ -122,7 +122,7 @@ def test_a_posture_that_cannot_be_held_is_refused_with_joint_value_and_limit() -
 
 def test_the_old_controller_is_told_a_point_every_28_ms_with_straight_lines_between() -> None:
     move = TrapezoidalMove(READY_RAD, READY_RAD + MOVES[0], LIMITS)
-    told = SetPoints28ms(MODEL, READY_RAD).commands(move).position_rad
+    told = control_law("set_points_28ms", MODEL).commands(move).position_rad
     assert len(told) % 32 == 0
     t = 28e-3 * np.arange(1, len(told) // 32 + 1)
     assert_allclose(told[31::32], move.sample(t)[0], atol=1e-12)

@@ -7,10 +7,11 @@ import time
 import pytest
 
 from surfuse.errors import ConfigError, DeviceError
+from surfuse.interfaces import MonotonicClock
 from surfuse.node.averaging import average_echoes
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import BusCounters, BusEvent, Tally
-from surfuse.node.firmware import MonotonicClock, Node, run
+from surfuse.node.firmware import Node, run
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import (
     Acknowledge,

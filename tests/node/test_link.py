@@ -10,8 +10,8 @@ import can
 import pytest
 
 from surfuse.errors import ConfigError, DeviceError
+from surfuse.interfaces import MonotonicClock
 from surfuse.node.counters import Tally
-from surfuse.node.firmware import MonotonicClock
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import CanFrame
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from surfuse.errors import ConfigError, DeviceError
+from surfuse.interfaces import MonotonicClock
 from surfuse.node.array import CanArray, Parameters, create
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
 from surfuse.node.disturbed_bus import BadBus, BadLink
-from surfuse.node.firmware import MonotonicClock, Node
+from surfuse.node.firmware import Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import KitMessage, NodeState
 from surfuse.node.responder import NodeIdentity, Responder
@@ -124,7 +125,16 @@ class Air:
 def test_the_simulated_array_gives_the_same_bits_with_and_without_the_bus():
     def array_of(clock):
         air = Air(8)
-        return [simulated.create(polaroid.SPEC, air, lambda: np.eye(4), clock) for _ in range(4)]
+        return [
+            simulated.create(
+                simulated.Parameters(
+                    surroundings=simulated.Surroundings(
+                        clock=clock, spec=polaroid.SPEC, world=air, pose=lambda: np.eye(4)
+                    )
+                )
+            )
+            for _ in range(4)
+        ]
 
     fixture = Fixture(np.stack([np.eye(4)] * 4), (polaroid.SPEC,) * 4)
     with sequential.create(fixture, array_of(SteppedClock())) as array:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from surfuse.errors import DeviceError
+from surfuse.interfaces import MonotonicClock
 from surfuse.node.array import Parameters, create
 from surfuse.node.counters import Tally
-from surfuse.node.firmware import MonotonicClock
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import CanFrame
 from surfuse.node.timeouts import NodeTimeouts
@@ -25,7 +25,8 @@ NODE = """
 import sys, threading
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
-from surfuse.node.firmware import MonotonicClock, run
+from surfuse.interfaces import MonotonicClock
+from surfuse.node.firmware import run
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.responder import NodeIdentity, Responder
 from surfuse.records import Echo, SensorSpec, Status

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import io
 import os
 import pkgutil
 import sys
@@ -92,6 +93,7 @@ def main() -> None:
     """Entry point of the console script: one clear line and the exit status of the contract for every error."""
     arguments = [argument for argument in sys.argv[1:] if argument != DEBUG] or ["--help"]
     stdout = sys.stdout
+    _print_anything()
     try:
         _register()
         _check_command(arguments)
@@ -119,6 +121,13 @@ def main() -> None:
         _fail(f"{type(error).__name__}: {error}", StorageError.exit_status, error)
     except Exception as error:
         _fail(f"internal error: {type(error).__name__}: {error}; run again with {DEBUG} and report it", 1, error)
+
+
+def _print_anything() -> None:
+    """A console or pipe that lacks a character, as those of Windows may, gets a question mark instead of an error."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def _drop_output() -> None:

@@ -73,6 +73,11 @@ def print_table(rows: list[tuple[str, str]]) -> None:
         print(f"{label:<{width}}  {value}")
 
 
+def note(text: str) -> None:
+    """Something that the user should know, not an error: one line on stderr."""
+    print(f"surfuse: note: {text}", file=sys.stderr)
+
+
 def toml_string(text: str) -> str:
     """A text as a TOML basic string."""
     return json.dumps(text, ensure_ascii=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -24,8 +25,8 @@ from surfuse.settings import FusionSettings, from_tree
 
 
 def methods() -> dict[str, str]:
-    """Names of the fusion methods, each with what it does in one line."""
-    return dict(method_lines())
+    """Names of the fusion methods, each with what it does in one line; plug-ins that cannot be used are warned of."""
+    return dict(method_lines(lambda text: warnings.warn(text, stacklevel=2)))
 
 
 def fuse(

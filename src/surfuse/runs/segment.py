@@ -16,6 +16,7 @@ from surfuse.runs.definitions import Definition
 from surfuse.runs.log_records import FORMAT_VERSION
 from surfuse.runs.own_messages import Message
 
+_BINARY = getattr(os, "O_BINARY", 0)  # else Windows would end every line of the bytes in its own way
 # A chunk ends when it is committed, never by its size: one stop is one chunk, whole or not there.
 _UNLIMITED_CHUNK = 1 << 40
 MARK = "surfuse"
@@ -89,7 +90,7 @@ class Segment:
         self._writer = _RosWriter(self._sink)
         self._writer.add_metadata(MARK, {"log_format": str(FORMAT_VERSION), "version": __version__})
         try:
-            self._descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+            self._descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | _BINARY, 0o666)
         except OSError as error:
             raise storage_error(error, path, "create the log segment") from error
         try:

@@ -12,8 +12,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Literal, Self, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from surfuse import registry
 from surfuse.errors import ConfigError, nearest
 from surfuse.runs.configuration import RUN_TABLE, read_configuration
 from surfuse.runs.toml_file import parse_toml
@@ -64,8 +65,9 @@ class ArmSettings(Section):
         None,
         description="trident: servo cards and dynamics (default of the PUMA 560); kinematic: no dynamics, for speed",
     )
-    law: Literal["computed_torque", "gravity_pd", "independent_pid", "set_points_28ms"] = Field(
-        "computed_torque", description="control law behind the servo cards"
+    law: str = Field(
+        "computed_torque",
+        description="control law behind the servo cards: computed_torque, gravity_pd, independent_pid, set_points_28ms",
     )
     fixture_kg: float = Field(0.45, ge=0.0, le=100.0, description="mass of sensors, tubes and bracket at the wrist")
     base_height_m: float = Field(0.50, ge=0.0, le=3.0, description="height of the stand under the arm's base")
@@ -90,6 +92,13 @@ class ArmSettings(Section):
     tool_speed_max_m_s: float = Field(
         1.0, gt=0.0, le=5.0, description="of the array; faster moves are slowed, faster passes refused"
     )
+
+    @field_validator("law")
+    @classmethod
+    def _is_known(cls, law: str) -> str:
+        if law not in registry.names("control_laws"):
+            raise ConfigError(f"arm.law = '{law}'", cure=nearest(law, registry.names("control_laws")))
+        return law
 
     @property
     def driven_by(self) -> Literal["trident", "kinematic"]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from surfuse.geometry.compiled import compiled
 from surfuse.motion.control.computed_torque import ComputedTorque, computed_torque
-from surfuse.motion.control.law import Commands
+from surfuse.motion.control_law import Commands
 from surfuse.records import FloatArray
 from surfuse.servo_cards.scales import converter_words
 from surfuse.servo_cards.servo import JointServo, Ran, ServoMemory, SettleGoal

@@ -92,7 +92,7 @@ def reproduce(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome
         outcome = acquire(scene, run.path / experiment.scene, watcher)
         if not outcome.complete:
             return outcome
-        watcher.stage(f"compare {experiment.scene}", len(registry.names("fusion")))
+        watcher.stage(f"compare {experiment.scene}", len(registry.found("fusion").built_in))
         compared.append(_compare(experiment, run.path / experiment.scene, settings, watcher))
     wall_s = time.perf_counter() - began
     data: dict[str, object] = {one.experiment.scene: _data(one) for one in compared}
@@ -119,7 +119,7 @@ def _compare(experiment: Experiment, path: Path, settings: Settings, watcher: Wa
     truth = truth_around(vertices, triangles, grid)
     maps: dict[str, SurfaceMap] = {}
     failures: dict[str, str] = {}
-    for name in sorted(registry.names("fusion"), key=lambda one: (one != PAPER, one)):
+    for name in sorted(registry.found("fusion").built_in, key=lambda one: (one != PAPER, one)):
         _go_on(watcher, run)
         try:
             _, maps[name] = fused(scan, create_method(settings.fusion, name), grid)

@@ -13,7 +13,7 @@ import numpy as np
 
 from surfuse import __version__, durable, registry
 from surfuse.commands.fuse.map_of_log import fused, grid_of, opened
-from surfuse.commands.fuse.methods import create_method, fusion_settings
+from surfuse.commands.fuse.methods import create_method, fusion_settings, usable_methods
 from surfuse.commands.judge.evaluation import NEAR_M, edge_of, has_step, score_data
 from surfuse.commands.judge.truth_files import TruthFrame, edge_truth, nothing_in_common, read_truth
 from surfuse.commands.outcome import Outcome, Watcher
@@ -77,7 +77,7 @@ def compare(
     if truth is not None:
         against = Against(*(read(truth.path, grid, truth.scale, truth.frame) for read in (read_truth, edge_truth)))
     folder = _empty_folder(out) if out is not None else None
-    names = registry.names("fusion")
+    names = usable_methods(watcher.warn)
     watcher.stage("compare", len(names))
     results: list[MethodResult] = []
     for name in names:
@@ -108,6 +108,11 @@ def result_of(
         _, surface = fused(scan, create_method(settings, name), grid)
     except SurfuseError as error:
         return MethodResult(name, time.perf_counter() - began, error=str(error))
+    except Exception as error:
+        # Of a method that another package brings anything may come.
+        if name in registry.found("fusion").built_in:
+            raise
+        return MethodResult(name, time.perf_counter() - began, error=f"{type(error).__name__}: {error}")
     seconds = time.perf_counter() - began
     if against is None:
         return MethodResult(name, seconds, surface)

@@ -59,7 +59,14 @@ def _extra(extra: Extra) -> Check:
 
 
 def _plug_ins() -> list[Check]:
-    return [(kind, ", ".join(registry.names(kind)), True) for kind in registry.KINDS]
+    """All plug-ins by kind; what one still needs, or why it is left out, in a line of its own."""
+    checks: list[Check] = []
+    for kind in registry.KINDS:
+        listing = registry.listing(kind)
+        checks.append((kind.replace("_", " "), ", ".join(listing.names), True))
+        checks += [(f"{registry.NOUNS[kind]} {one.name}", one.needs, True) for one in listing.plug_ins if one.needs]
+        checks += [(f"{kind} note {n}", line, True) for n, line in enumerate(listing.left_out, start=1)]
+    return checks
 
 
 def _cell(rig: Path | None, assignments: list[str]) -> list[Check]:

@@ -11,6 +11,7 @@ from surfuse.exporters import csv
 from surfuse.records import SurfaceMap
 
 NATIVE = "surface.nc"
+LOG_SUFFIXES = (".csv", ".mcap", "")
 MESH_SUFFIXES = (".ply", ".stl", ".obj", ".glb", ".off")
 
 
@@ -29,9 +30,12 @@ def format_of(path: Path) -> ModuleType:
 
 
 def _formats(wanted: str) -> dict[str, ModuleType]:
-    """Suffix -> format, of all formats whose packages are installed; that of the wanted suffix must be."""
+    """Suffix -> format, of all formats whose packages are installed; that of the wanted suffix must be.
+
+    Formats of other packages are looked at only for a suffix that no built-in one has.
+    """
     formats: dict[str, ModuleType] = {}
-    for name in registry.names("exporters"):
+    for name in registry.found("exporters").built_in:
         try:
             module = registry.load("exporters", name)
         except ConfigError:
@@ -40,6 +44,10 @@ def _formats(wanted: str) -> dict[str, ModuleType]:
                 raise
             continue
         formats.update(dict.fromkeys(module.SUFFIXES, module))
+    if wanted not in formats:
+        others = [one.name for one in registry.listing("exporters").plug_ins if wanted in one.suffixes]
+        if others:
+            formats[wanted] = registry.load("exporters", others[0])
     return formats
 
 
@@ -60,7 +68,7 @@ def is_map_file(path: Path) -> bool:
     if suffix == ".csv" and path.is_file():
         with path.open("rb") as stream:
             return stream.readline().lstrip(b"\xef\xbb\xbf").startswith(csv.MARK.encode())
-    return suffix != ".csv" and (suffix in MESH_SUFFIXES or suffix in _formats(suffix))
+    return suffix not in LOG_SUFFIXES and (suffix in MESH_SUFFIXES or suffix in _formats(suffix))
 
 
 def read_map(path: Path) -> SurfaceMap:

@@ -22,12 +22,13 @@ from surfuse.plan.raster import grip_targets, raster
 from surfuse.plan.reach import reach
 from surfuse.records import FloatArray, Outline
 from surfuse.rig.simulated.assembly import SimulatedClock
-from surfuse.rig.simulated.servo_arm import LAWS, ServoArm, Unknown, build_servo_arm, known_model
+from surfuse.rig.simulated.servo_arm import ServoArm, Unknown, build_servo_arm, known_model
 from surfuse.servo_cards.supervision import Supervision
 from surfuse.settings import Settings
 
 OLD = "set_points_28ms"
 NEW = "computed_torque"
+LAWS = (OLD, "independent_pid", "gravity_pd", NEW)
 SETTLED_M = 1e-4
 _MARGIN_M = 0.02
 _PLATE_M = 0.2

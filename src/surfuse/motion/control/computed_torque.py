@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from surfuse.errors import ConfigError
 from surfuse.geometry.compiled import compiled
-from surfuse.motion.control.law import INTEGRATED_RAD, STANDARD_GAINS, Commands, LoopGains, every_tick
+from surfuse.interfaces import GIVEN_BY_RIG, surrounded
+from surfuse.motion.control_law import INTEGRATED_RAD, STANDARD_GAINS, Commands, LawSurroundings, LoopGains, every_tick
 from surfuse.motion.newton_euler import newton_euler
-from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray
+
+SUMMARY = "inverse dynamics of the arm, PID of what is left (default)"
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,7 @@ class Parameters:
     gains: LoopGains = STANDARD_GAINS
     friction_share: float = 0.9
     breakaway_rad_s: float = 0.003
+    surroundings: LawSurroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.friction_share <= 1.0:
@@ -42,7 +45,8 @@ class ComputedTorque:
     period_s = 1e-3
     settle_rad = INTEGRATED_RAD
 
-    def __init__(self, dynamics: ArmDynamics, parameters: Parameters = Parameters()) -> None:
+    def __init__(self, parameters: Parameters, surroundings: LawSurroundings) -> None:
+        dynamics = surroundings.dynamics
         w = parameters.gains.natural_rad_s
         self._gains = np.array(
             [
@@ -96,6 +100,11 @@ class ComputedTorque:
             self._dry,
             self._limit_nm,
         )
+
+
+def create(parameters: Parameters) -> ComputedTorque:
+    """The law for one arm."""
+    return ComputedTorque(parameters, surrounded(parameters.surroundings, ComputedTorque.name))
 
 
 @compiled

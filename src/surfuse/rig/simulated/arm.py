@@ -81,8 +81,19 @@ def _without_dynamics(
 ) -> simulated.SimulatedArm:
     """An arm that is where it is sent, after the time that a move takes within its limits."""
     own = settings.arm
-    motion = simulated.Parameters(own.settle_s, own.speed_share, model.encoder_rad_per_count, own.tool_speed_max_m_s)
-    return simulated.create(model.kinematics, world, clock, model.limits, model.ready_rad, motion, guard)
+    around = simulated.Surroundings(
+        kinematics=model.kinematics,
+        limits=model.limits,
+        clock=clock,
+        guard=guard,
+        world=world,
+        start_rad=model.ready_rad,
+    )
+    return simulated.create(
+        simulated.Parameters(
+            own.settle_s, own.speed_share, model.encoder_rad_per_count, own.tool_speed_max_m_s, surroundings=around
+        )
+    )
 
 
 def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Clock, guard: MotionGuard) -> ServoTwinArm:

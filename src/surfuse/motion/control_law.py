@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from surfuse.errors import ConfigError
+from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trajectory import Trajectory, ticks
 from surfuse.records import FloatArray
 
@@ -51,6 +52,14 @@ class ControlLaw(Protocol):
         torque_nm: FloatArray,
     ) -> None:
         """Write the joint torques (J,) of this tick into `torque_nm`, within the torque limits."""
+
+
+@dataclass(frozen=True)
+class LawSurroundings:
+    """The arm as its controller knows it, and the joints (J,) for whose inertia fixed gains hold."""
+
+    dynamics: ArmDynamics
+    nominal_rad: FloatArray
 
 
 @dataclass(frozen=True)
