@@ -8,6 +8,7 @@ import numpy.typing as npt
 from surfuse.errors import DataError
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 
 
 def pose(rotation: npt.ArrayLike, translation_m: npt.ArrayLike) -> FloatArray:
@@ -77,10 +78,18 @@ def frame_from_axes(origin_m: npt.ArrayLike, u: npt.ArrayLike, v: npt.ArrayLike)
     return pose(np.column_stack([u_axis, v_axis, np.cross(u_axis, v_axis)]), origin)
 
 
+def are_rigid(poses: FloatArray, tolerance: float = 1e-6) -> BoolArray:
+    """Which of some 4x4 arrays (..., 4, 4) are right-handed rigid poses: (...)."""
+    rotation = poses[..., :3, :3]
+    with np.errstate(invalid="ignore", over="ignore"):
+        square = rotation @ np.swapaxes(rotation, -1, -2)
+        orthogonal = np.all(np.abs(square - np.eye(3)) <= tolerance + 1e-5 * np.eye(3), axis=(-1, -2))
+        right = np.einsum("...k,...k->...", np.cross(rotation[..., 0], rotation[..., 1]), rotation[..., 2]) > 0.0
+        end = np.array([0.0, 0.0, 0.0, 1.0])
+        last = np.all(np.abs(poses[..., 3, :] - end) <= 1e-8 + 1e-5 * end, axis=-1)
+    return np.asarray(orthogonal & right & last & np.all(np.isfinite(poses), axis=(-1, -2)), dtype=np.bool_)
+
+
 def is_rigid(matrix: FloatArray, tolerance: float = 1e-6) -> bool:
     """Whether a 4x4 array is a right-handed rigid pose."""
-    if matrix.shape != (4, 4) or not np.all(np.isfinite(matrix)):
-        return False
-    rotation = matrix[:3, :3]
-    orthogonal = np.allclose(rotation @ rotation.T, np.eye(3), atol=tolerance)
-    return bool(orthogonal and np.linalg.det(rotation) > 0.0 and np.allclose(matrix[3], [0, 0, 0, 1]))
+    return matrix.shape == (4, 4) and bool(are_rigid(matrix, tolerance))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from surfuse.errors import DataError
-from surfuse.records.checks import FloatArray, IntArray, own, own_pose
+from surfuse.records.checks import FloatArray, own
 from surfuse.records.codes import Status
 
 
@@ -149,47 +149,3 @@ class JointSamples:
                 cure="sample the encoders until the last reading has fired",
             )
         return np.column_stack([np.interp(asked, self.t_s, joint) for joint in self.position_rad.T])
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """The readings of one stop: S readings in columns, with the pose of each sensor as reached (world frame).
-
-    `sensor` (S,) indexes the specs of the scan; a sensor may be missing. `axis` (S, 3) has unit length. `spread_m` (S,)
-    is the scatter of the pings behind each reading, `sigma_m` (S,) the standard deviation of the reading where the log
-    states one, else nan: then the spec's holds.
-    """
-
-    stop: int
-    row: int
-    world_from_grip: FloatArray
-    t_s: FloatArray
-    sensor: IntArray
-    position_m: FloatArray
-    axis: FloatArray
-    range_m: FloatArray
-    status: IntArray
-    amplitude: FloatArray
-    spread_m: FloatArray
-    count: IntArray
-    joints_rad: FloatArray = field(default_factory=lambda: np.zeros(0))
-    sigma_m: FloatArray = field(default_factory=lambda: np.zeros(0))
-
-    def __post_init__(self) -> None:
-        s = len(self.sensor)
-        if not np.size(self.sigma_m):
-            object.__setattr__(self, "sigma_m", np.full(s, np.nan))
-        own(
-            self,
-            np.float64,
-            t_s=(s,),
-            position_m=(s, 3),
-            axis=(s, 3),
-            range_m=(s,),
-            amplitude=(s,),
-            spread_m=(s,),
-            sigma_m=(s,),
-        )
-        own(self, np.int64, sensor=(s,), status=(s,), count=(s,))
-        own(self, np.float64, joints_rad=(None,))
-        own_pose(self, "world_from_grip")

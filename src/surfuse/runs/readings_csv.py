@@ -10,7 +10,7 @@ import numpy as np
 from surfuse import durable
 from surfuse.errors import DataError, nearest
 from surfuse.geometry.poses import FloatArray
-from surfuse.records import BoolArray, FusionScene, IntArray, Readings, SensorSpec, Status
+from surfuse.records import BoolArray, FusionScene, IntArray, ReadingColumns, Readings, SensorSpec, Status
 from surfuse.runs.assembly import SingleReadings, assemble, status_of_range
 from surfuse.runs.csv_source import OPTIONAL, REQUIRED
 from surfuse.runs.csv_table import UNKNOWN_STATUS, CsvTable, read_csv_table
@@ -47,17 +47,20 @@ def read_readings_csv(
     range_m, status = _ranges(table, warnings)
     axis = _unit_axes(table)
     rows = _order(table, sensor, warnings)
-    nothing = np.full(len(rows), np.nan)
-    single = SingleReadings(
-        specs=specs,
+    unknown = np.full(len(rows), np.nan)
+    columns = ReadingColumns(
         t_s=table.t_s[rows],
         sensor=sensor[rows],
         position_m=table.position_m[rows],
         axis=axis[rows],
         range_m=range_m[rows],
         status=status[rows],
-        amplitude=nothing if table.amplitude is None else table.amplitude[rows],
-        sigma_m=nothing if table.sigma_m is None else table.sigma_m[rows],
+        amplitude=unknown if table.amplitude is None else table.amplitude[rows],
+        sigma_m=unknown if table.sigma_m is None else table.sigma_m[rows],
+    )
+    single = SingleReadings(
+        specs=specs,
+        columns=columns,
         stop=None if table.stop is None else table.stop[rows],
         corrections=() if sensors_file is None else read_corrections(sensors_file),
     )
