@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from surfuse import fusion
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.interfaces import FusionMethod
 from surfuse.records import (
@@ -32,7 +37,27 @@ GRID = MapGrid((np.arange(11) - 5) * 0.01, (np.arange(7) - 3) * 0.01, np.eye(4))
 COLUMNS = [field.name for field in dataclasses.fields(FusedPoints)]
 
 
-@pytest.fixture(params=names("fusion"))
+CONTRIBUTING = Path(__file__).parents[2] / "CONTRIBUTING.md"
+CONTRIBUTED = "steady"
+"""The method that CONTRIBUTING shows: its very text is held to the same laws."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def contributed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The method of CONTRIBUTING as a file of the plug-in folder."""
+    folder = tmp_path_factory.mktemp("fusion")
+    blocks = re.findall(r"```python\n(.*?)```", CONTRIBUTING.read_text(encoding="utf-8"), re.DOTALL)
+    text = next(block for block in blocks if "per_stop" in block)
+    (folder / f"{CONTRIBUTED}.py").write_text(text, encoding="utf-8")
+    fusion.__path__.append(str(folder))
+    names.cache_clear()
+    yield
+    fusion.__path__.remove(str(folder))
+    sys.modules.pop(f"surfuse.fusion.{CONTRIBUTED}", None)
+    names.cache_clear()
+
+
+@pytest.fixture(params=(*names("fusion"), CONTRIBUTED))
 def method(request: pytest.FixtureRequest) -> FusionMethod:
     module = load("fusion", request.param)
     return module.create(module.Parameters())
@@ -41,7 +66,8 @@ def method(request: pytest.FixtureRequest) -> FusionMethod:
 def sweep_at(stop: int, u: float, v: float, row: int, ranges: list[float], sensors: list[int] | None = None) -> Sweep:
     sensor = list(range(len(ranges))) if sensors is None else sensors
     n = len(sensor)
-    position = np.column_stack([CORNERS[sensor] + [u, v], np.full(n, 0.43)]) if n else np.zeros((0, 3))
+    corner = CORNERS[np.array(sensor, dtype=np.int64) % 4]
+    position = np.column_stack([corner + [u, v], np.full(n, 0.43)]) if n else np.zeros((0, 3))
     r = np.array(ranges, dtype=np.float64)
     return Sweep(
         stop=stop, row=row, world_from_grip=pose(rotation_about([1, 0, 0], np.pi), [u, v, 0.43]),
@@ -130,6 +156,20 @@ def test_live_and_replayed_fusion_agree_to_the_last_bit(method: FusionMethod, se
     if surface is not None and other is not None:
         for name in ("height_m", "sigma_m", "confidence", "count", "mask", "regime"):
             assert getattr(surface, name).tobytes() == getattr(other, name).tobytes(), name
+
+
+def test_live_and_replayed_fusion_agree_with_many_sensors(method: FusionMethod) -> None:
+    """Sums of many readings are where the order of adding shows."""
+    rng = np.random.default_rng(3)
+    scene = dataclasses.replace(SCENE, specs=(SPEC,) * 13)
+    sweeps = []
+    for stop, u in enumerate(GRID.u_m):
+        heard = rng.random(13) < (1.0 if stop == 4 else 0.9)
+        ranges = np.where(heard, 0.43 + rng.normal(0, 3e-4, 13), np.inf)
+        sweeps.append(sweep_at(stop, float(u), 0.0, 0, ranges.tolist(), list(range(13))))
+    finished, replayed = live(method, readings_from_sweeps(scene.specs, sweeps), scene)
+    for name in COLUMNS:
+        assert getattr(finished, name).tobytes() == getattr(replayed, name).tobytes(), name
 
 
 def test_finish_may_be_asked_in_between(method: FusionMethod) -> None:

@@ -321,7 +321,7 @@ def test_prediction_holds_when_the_grip_changes_its_distance(scan: Scan) -> None
 def test_the_readings_own_sigma_is_used_where_the_log_has_one(scan: Scan) -> None:
     scene, readings = scan(lambda u, v: 0 * u, outlined=False)
     sigma = np.full(len(readings.t_s), np.nan)
-    sigma[:4], sigma[4:8] = 0.002, [0.001, 0.0, -1.0, np.inf]
+    sigma[:4], sigma[4:8] = 0.002, [0.001, 0.0, np.nan, np.inf]
     points = fuse(scene, dataclasses.replace(readings, sigma_m=sigma))
     assert points.sigma_m[0] == pytest.approx(0.001)
     assert points.sigma_m[1] == pytest.approx(math.sqrt(0.001**2 + 3 * 0.0003**2) / 4)

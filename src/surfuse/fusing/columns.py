@@ -47,7 +47,10 @@ class PointColumns(NamedTuple):
 
 
 _PER_STOP = frozenset(column.name for column in columns_of(Sweep) if column.per is Per.STOP)
-_WRITTEN = tuple(column for column in columns_of(FusedPoints) if column.name in PointColumns._fields)
+_TABLE = {column.name: column for column in columns_of(FusedPoints)}
+_LAYOUT = tuple(
+    (_TABLE[name].per is Per.STOP, _TABLE[name].entry, np.dtype(_TABLE[name].dtype)) for name in PointColumns._fields
+)
 _HANDED_ON = tuple(column.name for column in columns_of(FusedPoints) if column.name not in PointColumns._fields)
 
 
@@ -72,9 +75,9 @@ def _of_one_stop(sweep: Sweep, name: str) -> Any:
 
 def empty_points(n_stops: int, n_readings: int) -> PointColumns:
     """Columns for a kernel to fill."""
-    sizes = {Per.STOP: n_stops, Per.READING: n_readings}
-    made = {column.name: np.empty((sizes[column.per], *column.entry), column.dtype) for column in _WRITTEN}
-    return PointColumns(*(made[name] for name in PointColumns._fields))
+    return PointColumns._make(
+        np.empty((n_stops if of_stop else n_readings, *entry), dtype) for of_stop, entry, dtype in _LAYOUT
+    )
 
 
 def fused_points(scan: ScanColumns, readings: Readings | Sweep, columns: PointColumns) -> FusedPoints:
