@@ -120,8 +120,11 @@ def test_all_arrays_of_all_records_are_read_only_and_fields_are_frozen(record):
         (lambda: sweep(0, axis=np.zeros((2, 2))), "Sweep.axis"),
         (lambda: sweep(0, range_m=np.zeros(3)), "Sweep.range_m"),
         (lambda: readings_from_sweeps((SPEC,), [sweep(0)]), "sensor 1, but there are 1 sensors"),
-        (lambda: MapGrid([0.0, 0.0], [0.0], np.eye(4)), "MapGrid.u_m must be finite, increasing"),
-        (lambda: MapGrid([0.0], [], np.eye(4)), "MapGrid.v_m must be finite, increasing and not empty"),
+        (
+            lambda: MapGrid([0.0, 0.0], [0.0], np.eye(4)),
+            "MapGrid.u_m goes from 0 to 0 at 1; give finite, increasing numbers",
+        ),
+        (lambda: MapGrid([0.0], [], np.eye(4)), "MapGrid.v_m is empty"),
         (lambda: surface(height_m=np.full((2, 3), np.nan)), "without a finite height"),
         (lambda: surface(count=np.ones((3, 2))), r"SurfaceMap.count has shape \(3, 2\), wanted \(2, 3\)"),
     ],

@@ -71,7 +71,7 @@ def survey(scene: FusionScene, readings: Readings, gate: IntArray, grid: MapGrid
     axis = readings.axis @ part_from_world[:3, :3].T
     specs = scene.specs
     dead = np.array([spec.dead_length_m for spec in specs], dtype=np.float64)[readings.sensor]
-    half = [spec.beam_full_angle_rad / 2.0 if spec.kind == "ultrasonic" else AXIS_TRUE for spec in specs]
+    half = [AXIS_TRUE if spec.along_axis else spec.beam_full_angle_rad / 2.0 for spec in specs]
     stated = np.array([spec.sigma_m for spec in specs], dtype=np.float64)[readings.sensor]
     own = readings.sigma_m
     sigma = np.where((own > 0.0) & np.isfinite(own), own, stated)

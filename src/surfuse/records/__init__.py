@@ -14,10 +14,21 @@ from surfuse.records.guard import GuardReason, RegionDecision, in_words
 from surfuse.records.pictures import CameraFrame, CameraModel, Detection, Outline
 from surfuse.records.plan import ScanPlan, SkippedStop
 from surfuse.records.readings import ReadingColumns, Readings, Sweep, columns_of_echoes, readings_from_sweeps
-from surfuse.records.sensing import Echo, Fixture, JointSamples, JointState, LateTable, SensorSpec
+from surfuse.records.sensing import (
+    LIGHT_KINDS,
+    SENSOR_KINDS,
+    Echo,
+    Fixture,
+    JointSamples,
+    JointState,
+    LateTable,
+    SensorSpec,
+)
 from surfuse.records.surface import FusionResult, MapGrid, Score, SurfaceMap
 
 __all__ = [
+    "LIGHT_KINDS",
+    "SENSOR_KINDS",
     "BoolArray",
     "ByteArray",
     "CameraFrame",

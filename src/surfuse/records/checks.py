@@ -79,7 +79,40 @@ def check_unit(axis: FloatArray, name: str) -> None:
         )
 
 
-def check_finite(name: str, value: float, low: float, high: float, *, above: bool = False) -> None:
+def check_finite(values: FloatArray, name: str) -> None:
+    """Refuse an array that holds nan or an infinite number."""
+    wrong = ~np.isfinite(values)
+    if np.any(wrong):
+        raise DataError(f"{name} holds {values[wrong][0]:g}", cure="give finite numbers")
+
+
+def check_least(values: npt.NDArray[np.floating | np.integer], name: str, least: float) -> None:
+    """Refuse an array that holds a number below `least`; nan is a number that nobody knows."""
+    with np.errstate(invalid="ignore"):
+        wrong = values < least
+    if np.any(wrong):
+        raise DataError(f"{name} holds {values[wrong][0]:g}", cure=f"give {least:g} or more")
+
+
+def check_share(values: FloatArray, name: str) -> None:
+    """Refuse an array with a number outside 0 to 1, to rounding; nan is a number that nobody knows."""
+    with np.errstate(invalid="ignore"):
+        wrong = (values < 0.0) | (values > 1.0 + 1e-9)
+    if np.any(wrong):
+        raise DataError(f"{name} holds {values[wrong][0]:g}", cure="give 0 to 1")
+
+
+def check_increasing(values: FloatArray, name: str) -> None:
+    """Refuse an array that is not finite and increasing."""
+    check_finite(values, name)
+    if np.any(wrong := np.diff(values) <= 0.0):
+        at = int(np.argmax(wrong))
+        raise DataError(
+            f"{name} goes from {values[at]:g} to {values[at + 1]:g} at {at + 1}", cure="give finite, increasing numbers"
+        )
+
+
+def check_number(name: str, value: float, low: float, high: float, *, above: bool = False) -> None:
     """Refuse a number outside low <= value <= high (low < value with `above`), and one that is not finite.
 
     Raises

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from surfuse.errors import DataError
 from surfuse.records.checks import BoolArray, FloatArray, IntArray, own_pose
 from surfuse.records.columns import (
     ArrayRecord,
@@ -42,6 +43,8 @@ class FusionScene(ArrayRecord):
 
     def __post_init__(self) -> None:
         own_pose(self, "world_from_part")
+        if not self.depth_max_m > 0.0:
+            raise DataError(f"FusionScene.depth_max_m = {self.depth_max_m:g}", cure="give a range above 0, or inf")
 
 
 @dataclass(frozen=True, eq=False)

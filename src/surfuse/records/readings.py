@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from surfuse.errors import DataError
-from surfuse.records.checks import FloatArray, IntArray, check_rigid, check_unit
+from surfuse.records.checks import FloatArray, IntArray, check_least, check_rigid, check_unit
 from surfuse.records.codes import Status
 from surfuse.records.columns import (
     ArrayRecord,
@@ -60,10 +60,8 @@ class ReadingColumns(ArrayRecord):
         if len(self.status) and not (self.status.min() >= 0 and self.status.max() <= max(Status)):
             wrong = self.status[(self.status < 0) | (self.status > max(Status))]
             raise DataError(f"{name}.status holds {wrong[0]}", cure=f"give 0 to {int(max(Status))}, see Status")
-        for column, least in (("count", self.count), ("sigma_m", self.sigma_m)):
-            below = least[least < 0]
-            if len(below):
-                raise DataError(f"{name}.{column} holds {below[0]}", cure="give 0 or more")
+        check_least(self.count, f"{name}.count", 0)
+        check_least(self.sigma_m, f"{name}.sigma_m", 0.0)
 
     @property
     def n_readings(self) -> int:
