@@ -332,9 +332,9 @@ def test_unknown_sensor_and_foreign_state_are_refused(scan: Scan) -> None:
     scene, readings = scan(lambda u, v: 0 * u)
     method = create(Parameters())
     few = dataclasses.replace(scene, specs=scene.specs[:2])
-    with pytest.raises(DataError, match="sensor 3"):
+    with pytest.raises(DataError, match="sensor 2"):
         method.replay(few, readings, GRID)
-    with pytest.raises(DataError, match="sensor 3"):
+    with pytest.raises(DataError, match="sensor 2"):
         method.step(method.start(few), readings.sweep(0))
     with pytest.raises(DataError, match="start"):
         method.step(None, readings.sweep(0))

@@ -19,6 +19,7 @@ from surfuse.errors import DataError
 from surfuse.fusing.columns import PointColumns, ScanColumns, empty_points, fused_points, scan_of
 from surfuse.geometry.compiled import compiled
 from surfuse.records import FusedPoints, FusionResult, FusionScene, IntArray, MapGrid, Readings, Sweep, stacked_points
+from surfuse.records.checks import check_sensors
 
 M = TypeVar("M")
 Walk = Callable[[ScanColumns, Limits, M, PointColumns], None]
@@ -66,15 +67,6 @@ def place(scan: ScanColumns, limits: Limits, out: PointColumns) -> None:
             points[j, d] = part[d, 0] * x + part[d, 1] * y + part[d, 2] * z + part[d, 3]
 
 
-def _known_sensors(sensor: IntArray, known: int) -> None:
-    if len(sensor) and not (int(sensor.min()) >= 0 and int(sensor.max()) < known):
-        raise DataError(
-            f"a reading names sensor {int(sensor.max() if sensor.min() >= 0 else sensor.min())}, "
-            f"but the scene has {known} sensors, numbered from 0",
-            cure="describe every sensor of the log",
-        )
-
-
 @dataclass
 class SweepwiseState(Generic[M]):
     """Where a live fusion stands: limits of the scene, memory of the method, the points so far."""
@@ -102,7 +94,7 @@ class SweepwiseFusion(Generic[M]):
     def step(self, state: object, sweep: Sweep) -> FusedPoints:
         """Take in one sweep: the memory in the state moves on, the point of this stop is returned."""
         own = self._own(state)
-        _known_sensors(sweep.sensor, own.sensors)
+        check_sensors(sweep.sensor, own.sensors)
         point = self._fused(sweep, own.limits, own.memory)
         own.points.append(point)
         return point
@@ -114,7 +106,7 @@ class SweepwiseFusion(Generic[M]):
     def replay(self, scene: FusionScene, readings: Readings, grid: MapGrid) -> FusionResult:
         """The whole scan at once."""
         sensors = len(scene.specs)
-        _known_sensors(readings.sensor, sensors)
+        check_sensors(readings.sensor, sensors)
         return FusionResult(points=self._fused(readings, limits_of(scene, self.gates), self.fresh(sensors)))
 
     def _fused(self, readings: Readings | Sweep, limits: Limits, memory: M) -> FusedPoints:

@@ -62,6 +62,21 @@ def check_rigid(poses: FloatArray, name: str) -> None:
         )
 
 
+def check_sensors(sensor: IntArray, known: int) -> None:
+    """Refuse readings (N,) of a sensor that is not among the known ones.
+
+    Raises
+    ------
+    DataError : names the first such sensor.
+    """
+    if len(sensor) and not (sensor.min() >= 0 and sensor.max() < known):
+        wrong = sensor[(sensor < 0) | (sensor >= known)]
+        raise DataError(
+            f"a reading names sensor {wrong[0]}, but there are {known} sensors, numbered from 0",
+            cure="describe every sensor of the log",
+        )
+
+
 UNIT_TOLERANCE = 1e-3
 """How far the length of a unit vector may be from 1: a file has four digits of it."""
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from surfuse.errors import DataError
-from surfuse.records.checks import FloatArray, IntArray, check_least, check_rigid, check_unit
+from surfuse.records.checks import FloatArray, IntArray, check_least, check_rigid, check_sensors, check_unit
 from surfuse.records.codes import Status
 from surfuse.records.columns import (
     ArrayRecord,
@@ -133,12 +133,7 @@ class Readings(ReadingColumns):
         own_start(self, self.start, n, m)
         self._check()
         check_rigid(self.world_from_grip, "Readings.world_from_grip")
-        if n and not (self.sensor.min() >= 0 and self.sensor.max() < len(self.specs)):
-            wrong = self.sensor[(self.sensor < 0) | (self.sensor >= len(self.specs))]
-            raise DataError(
-                f"a reading names sensor {wrong[0]}, but there are {len(self.specs)} sensors, numbered from 0",
-                cure="describe every sensor of the log",
-            )
+        check_sensors(self.sensor, len(self.specs))
 
     @property
     def n_sweeps(self) -> int:
