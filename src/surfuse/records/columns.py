@@ -187,7 +187,7 @@ def stacked(column: Column, parts: Sequence[Array]) -> Array:
     """The rows of parts (n_k, ...), one part after the other; entries of an open shape are filled up to the widest."""
     if not parts:
         return np.zeros((0, *column.entry), dtype=column.dtype)
-    if len({part.shape[1:] for part in parts}) > 1:
+    if None in column.tail and len({part.shape[1:] for part in parts}) > 1:
         widest = tuple(np.max([part.shape[1:] for part in parts], axis=0).tolist())
         parts = [_widened(column, part, widest) for part in parts]
     return np.concatenate(parts)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -168,9 +169,12 @@ def readings_from_sweeps(specs: tuple[SensorSpec, ...], sweeps: Sequence[Sweep])
     """Stack sweeps, in the order given, into the columns of one scan."""
     values: dict[str, Any] = {}
     for column in SWEEP_COLUMNS:
-        parts = [np.asarray(getattr(sweep, column.name), dtype=column.dtype) for sweep in sweeps]
-        if column.per is Per.STOP:
-            parts = [part[np.newaxis] for part in parts]
-        values[column.name] = stacked(column, parts)
+        parts = list(map(attrgetter(column.name), sweeps))
+        if column.per is Per.READING:
+            values[column.name] = stacked(column, parts)
+        elif column.tail:
+            values[column.name] = stacked(column, [part[np.newaxis] for part in parts])
+        else:
+            values[column.name] = np.array(parts, dtype=column.dtype)
         values[column.name].setflags(write=False)
     return Readings(specs=specs, start=edges_of([sweep.n_readings for sweep in sweeps]), **values)
