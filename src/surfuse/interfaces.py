@@ -37,7 +37,7 @@ from surfuse.records import (
     Echo,
     Fixture,
     FloatArray,
-    FusedPoint,
+    FusedPoints,
     FusionResult,
     FusionScene,
     JointState,
@@ -248,8 +248,8 @@ class FusionMethod(Protocol):
     def start(self, scene: FusionScene) -> object:
         """A fresh state."""
 
-    def step(self, state: object, sweep: Sweep) -> FusedPoint:
-        """Take in one sweep: the state moves on, the point of this stop is returned."""
+    def step(self, state: object, sweep: Sweep) -> FusedPoints:
+        """Take in one sweep: the state moves on, the one point of this stop is returned."""
 
     def finish(self, state: object, grid: MapGrid) -> FusionResult:
         """All points so far; methods which need all readings at once make their map here."""

@@ -7,10 +7,10 @@ import pytest
 
 from surfuse.confidence.gate import GateParameters, limits_of, validate, without_needless_vertices
 from surfuse.errors import ConfigError
-from surfuse.fusing.columns import empty_points, scan_of_sweep
 from surfuse.geometry.polygons import signed_distance
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FusionScene, Gate, Outline, SensorSpec, Status, Sweep
+from surfuse.records.kernel_columns import empty_points, scan_of
 
 SPEC = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 0.0003)
 BOX = Outline(np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]), np.eye(4))
@@ -40,7 +40,7 @@ def codes(
     scene = FusionScene((SPEC,) * n, np.eye(4), outline, depth_max_m)
     out, value = empty_points(1, n), np.full(n, np.nan)
     limits = limits_of(scene, parameters or GateParameters())
-    validate(scan_of_sweep(sweep), limits, (0, 1), out.gate, value, np.empty(n), np.empty(n))
+    validate(scan_of(sweep), limits, (0, 1), out.gate, value, np.empty(n), np.empty(n))
     return out.gate.tolist(), value
 
 

@@ -373,7 +373,7 @@ def test_export_and_import_are_inverse_to_the_last_bit(tmp_path):
 
 
 def test_odd_sensor_names_survive_export(tmp_path):
-    spec = SensorSpec('a "b", ü=[c].d', "tof", 0.0, 4.0, math.radians(25.0), 0.01, dead_length_m=1 / 3)
+    spec = SensorSpec('a "b", ü=[c].d', "tof", 0.5, 4.0, math.radians(25.0), 0.01, dead_length_m=1 / 3)
     (tmp_path / "in").mkdir()
     path = folder(tmp_path / "in", text(["0,x,0,0,0,0,0,1,0.5"]).replace("x,0", '"a ""b"", ü=[c].d",0'), sensors="")
     scan = read_readings_csv(path)

@@ -67,7 +67,7 @@ def test_more_pings_make_a_quieter_reading(twin: Twin) -> None:
     ("limits", "status"), [((0.5, 4.0), Status.TOO_CLOSE), ((0.1, 0.4), Status.NO_ECHO), ((0.1, 4.0), Status.OK)]
 )
 def test_ranges_outside_the_limits_are_no_measurement(twin: Twin, limits, status: Status) -> None:
-    spec = replace(polaroid.SPEC, range_min_m=limits[0], range_max_m=limits[1])
+    spec = replace(polaroid.SPEC, range_min_m=limits[0], range_max_m=limits[1], dead_length_m=0.0)
     echo = ranger(twin, spec=spec)[0].fire()
     assert echo.status is status
     assert np.isfinite(echo.range_m) == (status is Status.OK)

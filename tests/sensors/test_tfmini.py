@@ -109,7 +109,7 @@ def test_the_driver_on_a_pseudo_terminal():
             echo = sensor.fire()
             stop.set()
             talker.join()
-            assert sensor.spec.kind == "optical"
+            assert sensor.spec.kind == "tof"
     finally:
         stop.set()
         os.close(controller)

@@ -8,7 +8,7 @@ import numpy as np
 
 from surfuse.errors import DeviceError
 from surfuse.interfaces import Kinematics, RangeArray
-from surfuse.records import Echo, Fixture, FloatArray, JointState, Status, Sweep
+from surfuse.records import Echo, Fixture, FloatArray, JointState, Status, Sweep, columns_of_echoes
 
 
 def take_sweep(stop: int, row: int, state: JointState, kinematics: Kinematics, array: RangeArray) -> Sweep:
@@ -53,16 +53,11 @@ def sweep_of(
         stop=stop,
         row=row,
         world_from_grip=kinematics.forward(middle),
-        t_s=np.array([echo.t_s for echo in echoes]),
         sensor=np.arange(len(echoes)),
         position_m=world_from_sensor[:, :3, 3],
         axis=world_from_sensor[:, :3, 2],
-        range_m=np.array([echo.range_m for echo in echoes]),
-        status=np.array([int(echo.status) for echo in echoes], dtype=np.int64),
-        amplitude=np.array([echo.amplitude for echo in echoes]),
-        spread_m=np.array([echo.spread_m for echo in echoes]),
-        count=np.array([echo.count for echo in echoes], dtype=np.int64),
         joints_rad=middle,
+        **columns_of_echoes(echoes),
     )
 
 

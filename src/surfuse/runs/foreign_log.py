@@ -17,7 +17,7 @@ from mcap.exceptions import McapError
 from mcap_ros2.decoder import DecoderFactory
 
 from surfuse.errors import DataError, nearest
-from surfuse.records import SensorSpec
+from surfuse.records import ReadingColumns, SensorSpec
 from surfuse.runs.assembly import SingleReadings, assemble, status_of_range
 from surfuse.runs.log_files import log_segments, read_whole
 from surfuse.runs.log_walk import Walk, walk
@@ -188,17 +188,16 @@ def _single(gathered: _Gathered, specs: tuple[SensorSpec, ...], path: Path) -> S
     range_m = np.array(gathered.range_m)[kept]
     if np.any(np.abs(range_m[np.isfinite(range_m)]) > METRES_LIMIT):
         raise DataError(f"ranges beyond {METRES_LIMIT:g} m: millimetres?", where=str(path), cure="record metres")
-    return SingleReadings(
-        specs=specs,
+    columns = ReadingColumns(
         t_s=time_ns[kept] / 1e9,
         sensor=sensor[kept],
         position_m=poses[kept, :3, 3],
         axis=poses[kept, :3, 0],
         range_m=range_m,
         status=status_of_range(range_m),
-        amplitude=np.full(len(kept), np.nan),
         sigma_m=np.array(gathered.sigma_m)[kept],
     )
+    return SingleReadings(specs, columns)
 
 
 def _poses(

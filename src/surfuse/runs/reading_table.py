@@ -13,7 +13,7 @@ import numpy as np
 
 from surfuse.errors import DataError, nearest
 from surfuse.geometry.poses import FloatArray
-from surfuse.records import BoolArray, IntArray, SensorSpec, Status
+from surfuse.records import BoolArray, IntArray, ReadingColumns, SensorSpec, Status
 from surfuse.runs.assembly import SingleReadings, assemble, status_of_range
 from surfuse.runs.scan_log import AssumedSensor, ScanLog
 from surfuse.runs.side_files import METRES_LIMIT, DescribedSensor, GivenPart
@@ -100,8 +100,7 @@ def scan_of_table(
     axis = _unit_axes(table)
     rows = _order(table, sensor, warnings)
     nothing = np.full(len(rows), np.nan)
-    single = SingleReadings(
-        specs=specs,
+    columns = ReadingColumns(
         t_s=table.t_s[rows],
         sensor=sensor[rows],
         position_m=table.position_m[rows],
@@ -110,6 +109,10 @@ def scan_of_table(
         status=status[rows],
         amplitude=nothing if table.amplitude is None else table.amplitude[rows],
         sigma_m=nothing if table.sigma_m is None else table.sigma_m[rows],
+    )
+    single = SingleReadings(
+        specs=specs,
+        columns=columns,
         stop=None if table.stop is None else table.stop[rows],
         corrections=tuple(one.correction for one in described),
     )

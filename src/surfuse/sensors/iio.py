@@ -51,9 +51,9 @@ def _spec(
 
 
 MODELS = {
-    "vl53l0x": Model(_spec("vl53l0x", "optical", (0.03, 2.0), 25.0, 0.01, 0.033)),
-    "vl53l1x": Model(_spec("vl53l1x", "optical", (0.04, 4.0), 27.0, 0.005, 0.05), too_close=frozenset({13})),
-    "vl53l5cx": Model(_spec("vl53l5cx", "optical", (0.02, 4.0), 5.6, 0.01, 0.067), valid=frozenset({5, 9})),
+    "vl53l0x": Model(_spec("vl53l0x", "tof", (0.03, 2.0), 25.0, 0.01, 0.033)),
+    "vl53l1x": Model(_spec("vl53l1x", "tof", (0.04, 4.0), 27.0, 0.005, 0.05), too_close=frozenset({13})),
+    "vl53l5cx": Model(_spec("vl53l5cx", "tof", (0.02, 4.0), 5.6, 0.01, 0.067), valid=frozenset({5, 9})),
     "srf04": Model(_spec("srf04", "ultrasonic", (0.03, 3.0), 30.0, 0.005, 0.06)),
     "mb1232": Model(_spec("mb1232", "ultrasonic", (0.2, 7.65), 30.0, 0.005, 0.1)),
     "ping": Model(_spec("ping", "ultrasonic", (0.02, 3.3), 30.0, 0.005, 0.06)),

@@ -37,7 +37,7 @@ class Model:
 def _model(name: str, weakest: int, too_close_cm: int, beam_deg: float, sigma_m: float) -> Model:
     spec = SensorSpec(
         name=name,
-        kind="optical",
+        kind="tof",
         range_min_m=too_close_cm * 1e-2,
         range_max_m=_NOTHING_CM * 1e-2,
         beam_full_angle_rad=float(np.radians(beam_deg)),

@@ -74,8 +74,6 @@ def small_scan() -> tuple[FusionScene, Readings, MapGrid]:
         range_m=ranges,
         status=np.full(n, int(Status.OK)),
         amplitude=np.ones(n),
-        sigma_m=np.full(n, np.nan),
-        count=np.ones(n, dtype=np.int64),
         start=4 * np.arange(len(grips) + 1),
         stop=np.arange(len(grips)),
         row=np.repeat(np.arange(_STOPS), _STOPS),
