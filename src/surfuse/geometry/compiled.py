@@ -2,19 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from shutil import rmtree
+from threading import Lock
 from typing import TypeVar, cast
 
-from numba import njit
+from numba import config, njit
+from numba.core import event
+
+from surfuse.geometry.compiling import COMPILING
+from surfuse.geometry.kernel_folder import kernel_folder
+from surfuse.geometry.kernel_sources import sources_key
 
 F = TypeVar("F", bound=Callable[..., object])
+_DECORATING = Lock()
 
 
 def compiled(function: F) -> F:
     """Compile a numeric kernel ahead of its second call, cached on disk, same meaning as plain Python.
 
-    Never with `fastmath`: it would break `isnan` and the bit-identity of live and replayed fusion.
-    A kernel that calls kernels of another module is only recompiled when its own file changes: delete
-    the `__pycache__` folders after editing a kernel that others call.
+    Never with `fastmath`: it would break `isnan` and the bit-identity of live and replayed fusion. The folder of the
+    cache is named by all sources that the kernel is made from, so that a changed one is compiled anew.
     """
-    return cast(F, njit(cache=True, nogil=True, error_model="numpy")(function))
+    with _kept(function) as kept:
+        return cast(F, njit(cache=kept, nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function))
+
+
+@contextmanager
+def _kept(function: Callable[..., object]) -> Iterator[bool]:
+    """Let the compiler's cache lie in the folder of this kernel; false where nothing can be kept.
+
+    The compiler looks at `config.CACHE_DIR` when a kernel is defined, and takes it as it is for other packages.
+    """
+    folder = _folder_of(function)
+    with _DECORATING:
+        before = config.CACHE_DIR
+        config.CACHE_DIR = "" if folder is None else str(folder)
+        try:
+            yield folder is not None
+        finally:
+            config.CACHE_DIR = before
+
+
+def _folder_of(function: Callable[..., object]) -> Path | None:
+    """The folder of a kernel's module as its sources are now; those of its earlier sources are removed."""
+    root = kernel_folder()
+    if root is None:
+        return None
+    module = function.__module__
+    folder = root.path / f"{module}-{sources_key(Path(function.__code__.co_filename), module)}"
+    if not folder.is_dir():
+        for stale in root.path.glob(f"{module}-*"):
+            rmtree(stale, ignore_errors=True)
+    return folder
+
+
+class _Watched(event.Listener):
+    """Tells `COMPILING` what the compiler does."""
+
+    def on_start(self, event: event.Event) -> None:
+        COMPILING.begin()
+
+    def on_end(self, event: event.Event) -> None:
+        COMPILING.end()
+
+
+event.register("numba:compile", _Watched())
