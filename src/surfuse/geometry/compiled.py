@@ -30,6 +30,16 @@ def compiled(function: F) -> F:
         return cast(F, njit(cache=kept, nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function))
 
 
+def inlined(function: F) -> F:
+    """The same for a small kernel that is called in the innermost loop: its text is put where it is called.
+
+    A call counts every array that it is given in and out again, which costs more than a few sums do.
+    """
+    options = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "forceinline": True}
+    with _kept(function) as kept:
+        return cast(F, njit(**options | {"cache": kept})(function))
+
+
 @contextmanager
 def _kept(function: Callable[..., object]) -> Iterator[bool]:
     """Let the compiler's cache lie in the folder of this kernel; false where nothing can be kept.

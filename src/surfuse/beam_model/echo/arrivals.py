@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from surfuse.geometry.compiled import compiled
+from surfuse.geometry.compiled import compiled, inlined
 from surfuse.records import BoolArray, FloatArray, IntArray
 
 NONE, MIRROR, RIM, SPECKLE = 0, 1, 2, 3
@@ -113,7 +113,7 @@ def _newton(pull: float, stiff: float, limit: float) -> float:
     return -pull / stiff
 
 
-@compiled
+@inlined
 def window(station: FloatArray, rng: float, wide: float, cells: Cells) -> tuple[int, int, int, int]:
     """First and last row, first and last column of the cells within `wide` of where the axis is at a range."""
     rows, cols = cells.domain.shape
@@ -124,7 +124,7 @@ def window(station: FloatArray, rng: float, wide: float, cells: Cells) -> tuple[
     return j0, j1, i0, i1
 
 
-@compiled
+@inlined
 def _cell_at(x: float, y: float, cells: Cells) -> tuple[int, int]:
     """Row and column of the cell of the domain under a point; -1, -1 where there is none."""
     j, i = int(np.floor((y - cells.v0) / cells.g + 0.5)), int(np.floor((x - cells.u0) / cells.g + 0.5))
@@ -164,7 +164,7 @@ def _nearest_patch(
     return float(found)
 
 
-@compiled
+@inlined
 def _interval(nodes: FloatArray, x: float) -> int:
     """The last interval of increasing nodes that begins below x, the first one below all of them."""
     k = 0
@@ -173,7 +173,7 @@ def _interval(nodes: FloatArray, x: float) -> int:
     return k
 
 
-@compiled
+@inlined
 def _speckle(tilt: float, level: float, ear: Hearing) -> tuple[float, float]:
     """Location and scale of range minus axis range at a tilt; `level` nan: those of readings without amplitude."""
     tilts, levels, speckle, scatter = ear.tilts, ear.levels, ear.speckle, ear.scatter
@@ -201,17 +201,18 @@ def at_axis(
     """
     sx, sy, sz, ax, ay, az = station[0], station[1], station[2], station[3], station[4], station[5]
     cells, u0, v0, g = surface.cells, surface.cells.u0, surface.cells.v0, surface.cells.g
+    height, slope_u, slope_v = surface.height, surface.slope_u, surface.slope_v
     t, j, i = rng, -1, -1
     for _ in range(6):
         j, i = _cell_at(sx + ax * t, sy + ay * t, cells)
         if j < 0:
             return np.inf, -1, -1, 0.0, 0.0
-        gu, gv = surface.slope_u[j, i], surface.slope_v[j, i]
-        height = surface.height[j, i] + gu * (sx + ax * t - u0 - i * g) + gv * (sy + ay * t - v0 - j * g)
-        t += (height - sz - az * t) / min(-0.05, az - gu * ax - gv * ay)
+        gu, gv = slope_u[j, i], slope_v[j, i]
+        there = height[j, i] + gu * (sx + ax * t - u0 - i * g) + gv * (sy + ay * t - v0 - j * g)
+        t += (there - sz - az * t) / min(-0.05, az - gu * ax - gv * ay)
     if t <= 0.0:
         return np.inf, -1, -1, 0.0, 0.0
-    gu, gv = surface.slope_u[j, i], surface.slope_v[j, i]
+    gu, gv = slope_u[j, i], slope_v[j, i]
     towards = az - gu * ax - gv * ay
     tilt = np.arccos(min(1.0, max(0.0, -towards / np.sqrt(1.0 + gu * gu + gv * gv))))
     late, spread = _speckle(tilt, level, ear)
@@ -220,27 +221,21 @@ def at_axis(
     return t + late, j, i, 1.0 / min(-0.05, towards), spread
 
 
-@compiled
-def _facet(station: FloatArray, j: int, i: int, surface: Surface) -> Facet:
-    """The cell (j, i) as the station sees it."""
-    g = surface.cells.g
-    dx, dy = surface.cells.u0 + i * g - station[0], surface.cells.v0 + j * g - station[1]
-    dz = surface.height[j, i] - station[2]
-    gu, gv = surface.slope_u[j, i], surface.slope_v[j, i]
-    stiff_u = 1.0 + gu * gu + dz * surface.bend_u[j, i]
-    stiff_v = 1.0 + gv * gv + dz * surface.bend_v[j, i]
-    return Facet(dx, dy, dz, gu, gv, dx + dz * gu, dy + dz * gv, stiff_u, stiff_v)
-
-
-@compiled
+@inlined
 def _normal(facet: Facet) -> float:
     """Length of the normal (-slope_u, -slope_v, 1)."""
     return float(np.sqrt(1.0 + facet.slope_u * facet.slope_u + facet.slope_v * facet.slope_v))
 
 
-@compiled
+@inlined
 def _mirror(
-    station: FloatArray, facet: Facet, bend: tuple[float, float], limit: float, best: float, share: float, ear: Hearing
+    axis: tuple[float, float, float],
+    facet: Facet,
+    bend: tuple[float, float],
+    limit: float,
+    best: float,
+    share: float,
+    ear: Hearing,
 ) -> tuple[float, float, float]:
     """Mirror-like echo of a facet with curvatures `bend`: range (inf: none before `best`), gain, scatter.
 
@@ -262,7 +257,7 @@ def _mirror(
     n = _normal(f)
     # A convex facet spreads its echo, a concave one gathers it.
     focus = np.sqrt(abs(f.stiff_u * f.stiff_v)) / n
-    cos_foot = (fx * station[3] + fy * station[4] + fz * station[5]) / foot
+    cos_foot = (fx * axis[0] + fy * axis[1] + fz * axis[2]) / foot
     beam = lookup(ear.mirror, np.arccos(min(1.0, max(0.0, cos_foot))) / ear.angle_step)
     strength = share * beam / max(focus, 0.7)
     delay = rim_delay(strength, ear.threshold, ear.rise)
@@ -271,9 +266,9 @@ def _mirror(
     return foot + delay + 0.5 * hidden * ear.rise, -1.0 / n, 0.2 * delay + hidden * ear.grain
 
 
-@compiled
+@inlined
 def _from_rim(
-    station: FloatArray, facet: Facet, off: tuple[float, float], g: float, best: float, ear: Hearing
+    axis: tuple[float, float, float], facet: Facet, off: tuple[float, float], g: float, best: float, ear: Hearing
 ) -> tuple[float, float, float]:
     """Wave of a rim that lies `off` the node: range (inf: none before `best`), gain, scatter."""
     f = facet
@@ -283,7 +278,7 @@ def _from_rim(
     rho = np.sqrt(ex * ex + ey * ey + ez * ez)
     if rho >= best:
         return np.inf, 0.0, 0.0
-    cos_theta = min(1.0, max(0.0, (ex * station[3] + ey * station[4] + ez * station[5]) / rho))
+    cos_theta = min(1.0, max(0.0, (ex * axis[0] + ey * axis[1] + ez * axis[2]) / rho))
     normal = (f.slope_u * ex + f.slope_v * ey - ez) / _normal(f)
     across = np.sqrt(max(0.0, rho * rho - normal * normal))
     wave = lookup(ear.diffraction, 2.0 * across / np.sqrt(ear.wavelength * rho) / ear.diffraction_step)
@@ -309,34 +304,37 @@ def predict_one(
     kind = SPECKLE if bj >= 0 else NONE
     if ear.optical:
         return best, kind, bj, bi, gain, spread
-    ax, ay, az, g = station[3], station[4], station[5], surface.cells.g
-    domain, rim = surface.cells.domain, surface.rim
+    sx, sy, sz, ax, ay, az = station[0], station[1], station[2], station[3], station[4], station[5]
+    height, slope_u, slope_v = surface.height, surface.slope_u, surface.slope_v
+    bend_u, bend_v, rim, cells = surface.bend_u, surface.bend_v, surface.rim, surface.cells
+    domain, u0, v0, g = cells.domain, cells.u0, cells.v0, cells.g
     cos_reach = 1.0 / np.sqrt(1.0 + ear.reach * ear.reach)
-    slack = OFF_MIRROR * 1.2 * rng
-    j0, j1, i0, i1 = window(station, rng, ear.reach * rng / max(0.2, -az), surface.cells)
+    slack, axis = OFF_MIRROR * 1.2 * rng, (ax, ay, az)
+    j0, j1, i0, i1 = window(station, rng, ear.reach * rng / max(0.2, -az), cells)
     for j in range(j0, j1 + 1):
+        y = v0 + j * g - sy
         for i in range(i0, i1 + 1):
             if not domain[j, i]:
                 continue
-            at_rim = not np.isnan(rim[j, i, 0])
-            f = _facet(station, j, i, surface)
-            far = abs(f.pull_u) > 0.6 * g * abs(f.stiff_u) + slack or abs(f.pull_v) > 0.6 * g * abs(f.stiff_v) + slack
-            if far and not at_rim:
+            x, z, gu, gv = u0 + i * g - sx, height[j, i] - sz, slope_u[j, i], slope_v[j, i]
+            stiff_u, stiff_v = 1.0 + gu * gu + z * bend_u[j, i], 1.0 + gv * gv + z * bend_v[j, i]
+            pull_u, pull_v = x + z * gu, y + z * gv
+            far = abs(pull_u) > 0.6 * g * abs(stiff_u) + slack or abs(pull_v) > 0.6 * g * abs(stiff_v) + slack
+            if far and np.isnan(rim[j, i, 0]):
                 continue
-            rho = np.sqrt(f.x * f.x + f.y * f.y + f.z * f.z)
+            rho = np.sqrt(x * x + y * y + z * z)
             # Nothing that starts later than the best can be earlier.
-            if rho - 1.5 * g >= best or f.x * ax + f.y * ay + f.z * az < cos_reach * rho:
+            if rho - 1.5 * g >= best or x * ax + y * ay + z * az < cos_reach * rho or gu * x + gv * y - z <= 0.0:
                 continue
-            if f.slope_u * f.x + f.slope_v * f.y - f.z <= 0.0:
-                continue
+            facet = Facet(x, y, z, gu, gv, pull_u, pull_v, stiff_u, stiff_v)
+            at_rim = not np.isnan(rim[j, i, 0])
             if not far:
-                # Beside a rim part of the first Fresnel zone is missing.
-                bend, share = (surface.bend_u[j, i], surface.bend_v[j, i]), 0.64 if at_rim else 1.0
-                arrival, slope, own = _mirror(station, f, bend, 0.6 * g, best, share, ear)
+                share = 0.64 if at_rim else 1.0
+                arrival, slope, own = _mirror(axis, facet, (bend_u[j, i], bend_v[j, i]), 0.6 * g, best, share, ear)
                 if arrival < best:
                     best, kind, bj, bi, gain, spread = arrival, MIRROR, j, i, slope, own
             if at_rim:
-                arrival, slope, own = _from_rim(station, f, (rim[j, i, 0], rim[j, i, 1]), g, best, ear)
+                arrival, slope, own = _from_rim(axis, facet, (rim[j, i, 0], rim[j, i, 1]), g, best, ear)
                 if arrival < best:
                     best, kind, bj, bi, gain, spread = arrival, RIM, j, i, slope, own
     return best, kind, bj, bi, gain, spread
