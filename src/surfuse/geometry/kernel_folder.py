@@ -30,6 +30,10 @@ class KernelFolder:
     lasting: bool
     refused: tuple[Path, ...] = ()
 
+    def environment(self) -> dict[str, str]:
+        """The environment of a process that shall use the same folder."""
+        return {**os.environ, "NUMBA_CACHE_DIR": str(self.path)}
+
 
 @cache
 def kernel_folder() -> KernelFolder | None:
