@@ -26,8 +26,7 @@ def compiled(function: F) -> F:
     Never with `fastmath`: it would break `isnan` and the bit-identity of live and replayed fusion. The folder of the
     cache is named by all sources that the kernel is made from, so that a changed one is compiled anew.
     """
-    with _kept(function) as kept:
-        return cast(F, njit(cache=kept, nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function))
+    return _defined(function, inline=False)
 
 
 def inlined(function: F) -> F:
@@ -35,9 +34,19 @@ def inlined(function: F) -> F:
 
     A call counts every array that it is given in and out again, which costs more than a few sums do.
     """
-    options = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "forceinline": True}
+    return _defined(function, inline=True)
+
+
+def _defined(function: F, inline: bool) -> F:
     with _kept(function) as kept:
-        return cast(F, njit(**options | {"cache": kept})(function))
+        kernel = njit(  # type: ignore[call-overload]
+            cache=kept,
+            nogil=True,
+            error_model="numpy",
+            forceinline=inline,
+            no_cfunc_wrapper=True,  # nobody calls a kernel as a C function
+        )
+        return cast(F, kernel(function))
 
 
 @contextmanager
@@ -48,12 +57,13 @@ def _kept(function: Callable[..., object]) -> Iterator[bool]:
     """
     folder = _folder_of(function)
     with _DECORATING:
-        before = config.CACHE_DIR
-        config.CACHE_DIR = "" if folder is None else str(folder)
+        settings = vars(config)
+        before = settings["CACHE_DIR"]
+        settings["CACHE_DIR"] = "" if folder is None else str(folder)
         try:
             yield folder is not None
         finally:
-            config.CACHE_DIR = before
+            settings["CACHE_DIR"] = before
 
 
 def _folder_of(function: Callable[..., object]) -> Path | None:
@@ -79,4 +89,4 @@ class _Watched(event.Listener):
         COMPILING.end()
 
 
-event.register("numba:compile", _Watched())
+event.register("numba:compile", _Watched())  # type: ignore[no-untyped-call]

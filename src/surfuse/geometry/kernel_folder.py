@@ -55,8 +55,8 @@ def kernel_folder() -> KernelFolder | None:
 
 
 def _candidates() -> Iterator[Path]:
-    if config.CACHE_DIR:
-        yield Path(config.CACHE_DIR)
+    if chosen := vars(config)["CACHE_DIR"]:
+        yield Path(chosen)
     yield PACKAGE / "__pycache__" / "kernels"
     installation = hashlib.sha256(os.fsencode(PACKAGE)).hexdigest()[:12]
     if (caches := _users_caches()) is not None:
