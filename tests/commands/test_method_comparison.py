@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import time
 
 import pytest
 
 from surfuse.commands.judge import method_comparison
 from surfuse.commands.outcome import SilentWatcher
+from surfuse.fusing.sweepwise import SweepwiseFusion
+from surfuse.settings import FusionSettings
 
 
 @pytest.fixture
@@ -43,3 +46,19 @@ def test_without_truth_cells_and_sigma_are_told(command, tmp_path, two_methods):
     outcome = method_comparison.compare(run, None, None, (), SilentWatcher())
     assert "rmse_mm" not in outcome.summary["methods"]["median"]
     assert outcome.summary["methods"]["median"]["cells"] > 5
+
+
+def test_the_clock_starts_when_the_method_has_fused_once(command, tmp_path, monkeypatch):
+    """Kernels are compiled at their first use, which is no part of a method's seconds."""
+    run = tmp_path / "run"
+    assert command("acquire", "flat", "--method", "mean", "--arm-driver", "kinematic", "--set", "scan.step_m=0.05",
+                   "--out", run, "--quiet").status == 0  # fmt: skip
+    happened = []
+    clock, fused, replay = time.perf_counter, method_comparison.fused, SweepwiseFusion.replay
+    monkeypatch.setattr(SweepwiseFusion, "replay", lambda *given: happened.append("fuse") or replay(*given))
+    monkeypatch.setattr(method_comparison, "fused", lambda *scan: happened.append("timed") or fused(*scan))
+    monkeypatch.setattr(method_comparison.time, "perf_counter", lambda: happened.append("clock") or clock())
+    scan = method_comparison.opened(run, SilentWatcher())
+    method_comparison.result_of(scan, FusionSettings(), "mean", method_comparison.grid_of(scan), None)
+    assert happened[:2] == ["fuse", "clock"]
+    assert happened.index("clock") < happened.index("timed")

@@ -1,4 +1,4 @@
-"""The median of the validated readings of a sweep: of the method `median`, and the points of methods that make a map."""
+"""The median of the validated readings of a sweep: the method `median`, and the points of methods that make a map."""
 
 from __future__ import annotations
 

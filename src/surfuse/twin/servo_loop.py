@@ -113,7 +113,8 @@ def _ticks(
         converter_words(torque, motor_torque, counts_per_nm, dac)
         joint_torques(dac, torque_per_word, joint_torque)
         integrate(arm, dry, ends, state, matrices, scratch, joint_torque, h, steps)
-        before[:] = absolute
+        for j in range(before.shape[0]):
+            before[j] = absolute[j]
         absolute_counts(state[0], zero, motor_from_joint, per_count, absolute)
         near = True
         for j in range(position.shape[0]):

@@ -9,12 +9,13 @@ from contextlib import contextmanager
 from datetime import datetime
 from functools import partial
 from pathlib import Path
+from subprocess import Popen
 
 from surfuse.commands.acquire.locating import finder, locate
 from surfuse.commands.acquire.plan_and_walk import go_to_start, plan_for, scene_of, smooth_walk, walk
 from surfuse.commands.acquire.results import Finished, bus_event, finish, outcome_of, statuses
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
-from surfuse.commands.acquire.warm_up import warm_up_beside
+from surfuse.commands.acquire.warm_up import wait_for, warm_up_beside
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.errors import DataError, DeviceError, InterruptError, SafetyStopError, StorageError
@@ -41,12 +42,15 @@ def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
     began = time.perf_counter()
     settings = _from_anywhere(settings)
     finder(settings)  # an unknown threshold is refused before anything is written
-    method, rig = create_method(settings.fusion), simulated_rig(settings)
-    refuse_contradictions(settings, rig.specs)
-    run = RunFolder.create(out or default_folder(settings.scene.name))
-    with run.lock(), _resumable(run):
-        write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
-        return outcome_of(_acquire(run, settings, rig, method, watcher), run, began)
+    watcher.stage("start")
+    method = create_method(settings.fusion)
+    with warm_up_beside(method.name) as warm_up:
+        rig = simulated_rig(settings)
+        refuse_contradictions(settings, rig.specs)
+        run = RunFolder.create(out or default_folder(settings.scene.name))
+        with run.lock(), _resumable(run):
+            write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
+            return outcome_of(_acquire(run, settings, rig, method, warm_up, watcher), run, began)
 
 
 def resume(path: Path, watcher: Watcher) -> Outcome:
@@ -71,9 +75,12 @@ def resume(path: Path, watcher: Watcher) -> Outcome:
     settings = from_tree({**tables, "seed": seed}, str(run.configuration))
     if all(file.is_file() for file in (run.surface, run.summary, run.report)):
         return _complete(run)
-    method, rig = create_method(settings.fusion), simulated_rig(settings)
-    with run.lock(), _resumable(run):
-        return outcome_of(_acquire(run, settings, rig, method, watcher), run, began)
+    watcher.stage("start")
+    method = create_method(settings.fusion)
+    with warm_up_beside(method.name) as warm_up:
+        rig = simulated_rig(settings)
+        with run.lock(), _resumable(run):
+            return outcome_of(_acquire(run, settings, rig, method, warm_up, watcher), run, began)
 
 
 def _complete(run: RunFolder) -> Outcome:
@@ -123,12 +130,19 @@ def _from_anywhere(settings: Settings) -> Settings:
     return settings.model_copy(update=changed)
 
 
-def _acquire(run: RunFolder, settings: Settings, rig: Rig, method: FusionMethod, watcher: Watcher) -> Finished:
+def _acquire(
+    run: RunFolder,
+    settings: Settings,
+    rig: Rig,
+    method: FusionMethod,
+    warm_up: Popen[bytes] | None,
+    watcher: Watcher,
+) -> Finished:
     for warning in rig.warnings:
         watcher.warn(warning)
     # Read before the writer opens: opening gives a killed segment its missing end.
     progress = read_progress(run.path)
-    with warm_up_beside(method.name) as warm_up, rig.opened(), LogWriter(run.log) as log:
+    with rig.opened(), LogWriter(run.log) as log:
         scene, plan, done = _begin(progress, settings, rig, log, watcher)
         bring = partial(go_to_start, rig, settings, plan.outline, plan, should_stop=watcher.stop_requested)
         with _noted(log, rig):
@@ -139,9 +153,8 @@ def _acquire(run: RunFolder, settings: Settings, rig: Rig, method: FusionMethod,
             log.append_event(trouble)
         if finished and (doubt := few_echoes(statuses(sweeps))) is not None:
             _tell(rig, log, watcher, "readings", doubt)
-        if warm_up is not None and finished:
-            watcher.stage("compile, once")
-            warm_up.wait()
+        if finished:
+            wait_for(warm_up, watcher)
     return finish(run, settings, method, state, scene, plan, sweeps, rig, watcher, complete=finished)
 
 

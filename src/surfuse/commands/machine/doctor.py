@@ -18,6 +18,7 @@ from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, SilentWatcher
 from surfuse.errors import SurfuseError
 from surfuse.extras import EXTRAS, Extra
+from surfuse.geometry.kernel_folder import kernel_folder
 from surfuse.records import Outline, ScanPlan, Status
 from surfuse.rig.devices import Rig
 from surfuse.rig.simulated.assembly import simulated_rig
@@ -30,7 +31,12 @@ Check = tuple[str, str, bool]
 
 def doctor(rig: Path | None, assignments: list[str]) -> Outcome:
     """Check the installation, the configuration and, in the twin, whether the whole part can be scanned."""
-    checks = [("surfuse", f"{__version__}, Python {platform.python_version()}", True), *_packages(), *_plug_ins()]
+    checks = [
+        ("surfuse", f"{__version__}, Python {platform.python_version()}", True),
+        *_packages(),
+        *_plug_ins(),
+        _kernels(),
+    ]
     checks += _cell(rig, assignments)
     rows = [(name, text if good else f"PROBLEM: {text}") for name, text, good in checks]
     problems = [name for name, _, good in checks if not good]
@@ -67,6 +73,16 @@ def _plug_ins() -> list[Check]:
         checks += [(f"{registry.NOUNS[kind]} {one.name}", one.needs, True) for one in listing.plug_ins if one.needs]
         checks += [(f"{kind} note {n}", line, True) for n, line in enumerate(listing.left_out, start=1)]
     return checks
+
+
+def _kernels() -> Check:
+    """Where compiled kernels are kept; not a problem where they cannot be, only slower."""
+    folder = kernel_folder()
+    if folder is not None and folder.lasting:
+        return ("kernels", f"kept in {folder.path}", True)
+    refused = () if folder is None else folder.refused
+    tried = f" ({', '.join(map(str, refused))}: not writable, or writable by others)" if refused else ""
+    return ("kernels", f"compiled anew by every command{tried}; set NUMBA_CACHE_DIR to a folder of your own", True)
 
 
 def _cell(rig: Path | None, assignments: list[str]) -> list[Check]:
