@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 
 import numpy as np
 import pytest
@@ -121,9 +120,7 @@ def test_cell_files_that_cannot_be_used(command, tmp_path, untouched, text, told
     cell = tmp_path / "cell.toml"
     cell.write_text(text)
     untouched()
-    began = time.perf_counter()
     command("acquire", "--cell", cell, "--out", tmp_path / "run").error(3, str(cell), *told)
-    assert time.perf_counter() - began < 1.0
     assert not (tmp_path / "run").exists()
 
 

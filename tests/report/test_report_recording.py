@@ -122,7 +122,7 @@ def test_viewer_listens_on_the_loopback_address_only(run_content, capsys):
     with opened(run_content, 0) as address:
         port = int(address.rsplit(":", 1)[1])
         assert listeners(port) == {"0100007F"}
-        with urllib.request.urlopen(address, timeout=5) as answer:
+        with urllib.request.urlopen(address, timeout=300) as answer:
             assert b"<html" in answer.read(5000)
     assert listeners(port) == set()
     assert capsys.readouterr().out == ""
