@@ -216,3 +216,14 @@ def test_impossible_deviations_are_refused():
         ProjectionSigmas(pixel_px=-1.0)
     with pytest.raises(ConfigError):
         ProjectionSigmas(focal=math.nan)
+
+
+def test_upwards_two_pixels_count_the_corner_s_and_the_foot_s():
+    square = replace(REFERENCE_MODEL, fx_px=600.0, fy_px=600.0)
+    only_pixels = ProjectionSigmas(pixel_px=0.3, focal=0.0, pitch_rad=0.0, height_m=0.0, range_share=0.0, relief_m=0.0)
+    boundary, _ = rectangle()
+    frame, detection, _ = seen(boundary, 0.95, square)
+    exact = ranger(frame, 0.95, sigma=1e-9)
+    found = outline_part(frame, detection, TABLE, exact, sigmas=only_pixels)
+    one_pixel_m = 0.95 * 0.3 / 600.0
+    assert found.outline.sigma_m == pytest.approx(math.sqrt(2.0) * one_pixel_m, rel=0.01)
