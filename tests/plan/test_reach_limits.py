@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -75,7 +77,7 @@ def test_the_ways_between_stops_are_looked_at_everywhere(resolution_rad: float) 
     # The last question is that for the ways; between the stops it goes on in their order.
     places, stops = asked[-1], found.joints_rad
     assert len(places) > len(stops)
-    for start, end in zip(stops[:-1], stops[1:], strict=True):
+    for start, end in pairwise(stops):
         way = end - start
         share = (places - start) @ way / (way @ way)
         on_the_way = (np.abs(places - start - share[:, None] * way).max(axis=1) < 1e-9) & (share > 0) & (share < 1)
