@@ -12,7 +12,8 @@ from surfuse.commands.acquire.locating import finder
 from surfuse.records import CameraFrame, CameraModel
 from surfuse.settings import load
 
-QUICK = ("--set", "scan.step_m=0.04", "--set", "arm.driver=kinematic", "--method", "weighted_average")
+QUICK = ("--method", "weighted_average", "--arm-driver", "kinematic")
+QUICK += ("--set", "scene.azimuth_deg=-130", "--set", "scan.step_m=0.04")
 
 
 @pytest.fixture

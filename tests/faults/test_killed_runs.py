@@ -19,7 +19,8 @@ import pytest
 from surfuse.runs.progress import read_progress
 
 SURFUSE = Path(sys.executable).with_name("surfuse")
-SCAN = ("flat", "--method", "weighted_average", "--set", "scan.step_m=0.03", "--arm-driver", "kinematic", "--seed", "7")
+SCAN = ("flat", "--method", "weighted_average", "--set", "scan.step_m=0.04", "--arm-driver", "kinematic", "--seed", "7")
+SCAN += ("--set", "scene.azimuth_deg=-130")  # seen early in the turn of the search
 KILLS, BY_CLOCK = 20, 7
 BY_SIZE = KILLS - BY_CLOCK
 

@@ -21,7 +21,7 @@ from surfuse.servo_cards import registers as reg
 from surfuse.settings import Settings, load
 from surfuse.twin.servo_card import SimulatedCard
 
-OVERRIDES = ["scene.name=flat", "scan.step_m=0.08", "array.pings=2"]
+OVERRIDES = ["scene.name=flat", "scene.azimuth_deg=-130", "scan.step_m=0.08", "array.pings=2"]
 SETTINGS = load(None, [*OVERRIDES, "fusion.method=weighted_average"])
 FAULTY_STOP = 4
 

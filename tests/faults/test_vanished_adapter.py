@@ -19,6 +19,7 @@ from surfuse.rig.simulated.tethered_sensors import TetheredSensors
 from surfuse.twin.tether import NodeEnd
 
 SCAN = ("flat", "--method", "weighted_average", "--set", "scan.step_m=0.06", "--arm-driver", "kinematic", "--seed", "7")
+SCAN += ("--set", "scene.azimuth_deg=-130")  # seen early in the turn of the search
 AWAY = 12  # frames to the node, and then the plug is out
 
 
