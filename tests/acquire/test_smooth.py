@@ -1,6 +1,7 @@
 """The walk without stops: readings at their own poses, lines that stand alone, failures, hostile parameters."""
 
 from collections.abc import Container
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -197,8 +198,9 @@ def test_a_sweep_is_half_over_when_the_arm_passes_its_stop(whole: Walk) -> None:
 
 
 def test_the_samples_go_on_from_sweep_to_sweep(whole: Walk) -> None:
-    for before, after in zip(whole.samples[:-1], whole.samples[1:], strict=True):
-        assert after.t_s[0] <= before.t_s[-1] + 4e-3 + 1e-9 or after.t_s[0] > before.t_s[-1]
+    for before, after in pairwise(whole.samples):
+        # From the last sample at or before the end of the sweep before.
+        assert -4e-3 - 1e-9 <= after.t_s[0] - before.t_s[-1] <= 1e-9
         assert after.t_s[-1] > before.t_s[-1]
     assert all(np.diff(samples.t_s).max() <= 4e-3 + 1e-9 for samples in whole.samples)
 

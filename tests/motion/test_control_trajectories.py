@@ -149,6 +149,21 @@ def test_a_time_optimal_pass_goes_through_every_point_within_all_limits() -> Non
     assert planned.duration_s < 0.5 * stops
 
 
+@pytest.mark.parametrize("torque_share", [0.5, 0.75, 1.0])
+def test_a_pass_that_asks_too_much_is_stretched_until_its_torques_are_just_allowed(torque_share: float) -> None:
+    pytest.importorskip("toppra")
+    from surfuse.motion.time_optimal import _torque_excess
+
+    rng = np.random.default_rng(4)
+    q = READY_RAD + rng.uniform(-0.3, 0.3, (200, 6))
+    qd, qdd = rng.uniform(-1.0, 1.0, (200, 6)), rng.uniform(-30.0, 30.0, (200, 6))
+    factor = np.sqrt(_torque_excess(q, qd, qdd, MODEL, torque_share))
+    assert factor > 1.0
+    # Friction counts as at the full speed: slower, it is less.
+    share = np.abs(MODEL.rigid_torque(q, qd / factor, qdd / factor**2) + MODEL.friction(qd)) / MODEL.torque_max_nm
+    assert share.max() == pytest.approx(torque_share, rel=1e-9)
+
+
 def test_a_hostile_pass_is_refused() -> None:
     from surfuse.motion.time_optimal import PassParameters, time_optimal_pass
 
