@@ -63,6 +63,13 @@ def test_the_calibration_of_each_sensor_is_taken_out_of_its_ranges(tmp_path):
     assert any("offset and scale are taken out" in warning for warning in scan.warnings)
 
 
+@pytest.mark.parametrize("scale", ["0.49", "2.01", "0.0", "-1.0", "nan", "inf"])
+def test_a_calibration_that_no_sensor_has_is_refused(tmp_path, scale):
+    sensors = SENSORS.replace("[us1]", f"scale = {scale}\n[us1]")
+    with pytest.raises((ConfigError, DataError), match="scale"):
+        read_readings_csv(folder(tmp_path, text(rows()), sensors=sensors))
+
+
 def test_a_plain_file_reads_as_written(tmp_path):
     scan = read_readings_csv(folder(tmp_path, text(rows()), outline=OUTLINE))
     readings = scan.readings
