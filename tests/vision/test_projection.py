@@ -227,3 +227,23 @@ def test_upwards_two_pixels_count_the_corner_s_and_the_foot_s():
     found = outline_part(frame, detection, TABLE, exact, sigmas=only_pixels)
     one_pixel_m = 0.95 * 0.3 / 600.0
     assert found.outline.sigma_m == pytest.approx(math.sqrt(2.0) * one_pixel_m, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("error", "size", "share"),
+    [("pitch_rad", 0.002, 0.02), ("height_m", 0.002, 0.02), ("pixel_px", 0.5, 0.15), ("focal", 0.004, 0.15)],
+)
+def test_the_foot_s_sigma_is_what_each_error_alone_does_to_its_distance(error, size, share):
+    """Of the last two the angle is taken for its tangent, a tenth too much at this height."""
+    level = 1.3
+    real = shoulder_pose(height=level + (size if error == "height_m" else 0.0), pitch=size * (error == "pitch_rad"))
+    focal = 1.0 + size * (error == "focal")
+    lens = replace(REFERENCE_MODEL, fx_px=REFERENCE_MODEL.fx_px * focal, fy_px=REFERENCE_MODEL.fy_px * focal)
+    boundary, corners = rectangle()
+    frame, detection, _ = seen(boundary, 0.95, lens, real)
+    believed = CameraFrame(frame.image, 0.0, REFERENCE_MODEL, shoulder_pose(height=level))
+    contour = np.add(detection.contour_px, [0.0, size * (error == "pixel_px")])
+    names = ("pixel_px", "focal", "pitch_rad", "height_m", "range_share", "relief_m")
+    only = ProjectionSigmas(**{name: size * (name == error) for name in names})
+    found = measure_distance(believed, contour, corners, TABLE, None, only)
+    assert found.foot_sigma_m == pytest.approx(abs(found.foot_m - 0.95), rel=share)
