@@ -3,6 +3,7 @@
 import json
 import math
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -27,14 +28,25 @@ from surfuse.rig.simulated.tethered_sensors import TetheredSensors
 from surfuse.settings import load
 from surfuse.twin.tether import HostEnd, NodeEnd, Place
 
-PORT, TETHER = 43_279, 43_280
+
+def free_port(kind):
+    """A port that nobody uses now: two runs of the tests on one machine must not meet."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("", 0))
+        return probe.getsockname()[1]
+
+
+PORT, TETHER = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
 COMMAND = [sys.executable, "-c", "from surfuse.cli import main; main()", "node"]
 COMMAND += ["--port", str(PORT), "--tether-port", str(TETHER), "--json"]
 
 
 def multicast_works():
     pytest.importorskip("msgpack")
-    bus, clock = BusParameters("udp_multicast", "239.74.163.2", options=(("port", PORT + 7),)), MonotonicClock()
+    bus, clock = (
+        BusParameters("udp_multicast", "239.74.163.2", options=(("port", free_port(socket.SOCK_DGRAM)),)),
+        MonotonicClock(),
+    )
     try:
         ends = [BusLink(lambda: open_bus(bus), clock, Tally()) for _ in range(2)]
         with ends[0], ends[1]:
