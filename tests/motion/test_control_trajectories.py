@@ -75,6 +75,16 @@ def test_the_time_law_is_that_of_ruckig(speed: float, acceleration: float, jerk:
     assert_allclose(own, [np.ravel(found.at_time(t)) for t in times.tolist()], rtol=1e-6, atol=1e-8)
 
 
+def test_before_and_after_a_move_the_arm_rests_at_its_ends() -> None:
+    end = READY_RAD + MOVES[0]
+    for move in (JerkLimitedMove(READY_RAD, end, LIMITS, JERK_RAD_S3), torque_limited(MODEL, LIMITS)(READY_RAD, end)):
+        late = move.duration_s
+        position, speed, push = move.sample([-1.0, -1e-9, late, late + 1e-9, late + 1.0])
+        assert_allclose(position, [READY_RAD, READY_RAD, end, end, end])
+        assert not np.any(speed)
+        assert not np.any(push)
+
+
 def test_large_jerk_gives_the_trapezoid() -> None:
     move = JerkLimitedMove(READY_RAD, READY_RAD + MOVES[0], LIMITS, 1e5 * JERK_RAD_S3)
     assert move.duration_s == pytest.approx(
