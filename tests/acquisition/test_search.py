@@ -9,7 +9,7 @@ import pytest
 from surfuse.acquisition.search import SearchParameters, search
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
-from surfuse.records import CameraFrame, CameraModel
+from surfuse.records import CameraFrame, CameraModel, Detection
 from surfuse.vision.part_finder import find_parts
 
 CAMERA = CameraModel(250, 291, 260.0, 380.0, 124.5, 145.0)
@@ -86,6 +86,25 @@ def test_part_half_out_of_view_is_turned_into_it():
     (part,) = result.parts
     assert part.centred
     assert not part.detection.touches_border
+
+
+def test_a_part_that_the_picture_cuts_is_turned_to_although_its_piece_looks_like_a_known_one():
+    """What is seen of it lies where another part is; where its middle is, only the turn shows."""
+
+    def sighting(angle_rad, direction_deg, cut=False):
+        x = CAMERA.cx_px + CAMERA.fx_px * math.tan(angle_rad - math.radians(direction_deg))
+        contour = np.array([[x - 9.0, 100.0], [x + 9.0, 100.0], [x, 130.0]])
+        return Detection(contour, np.array([x, 110.0]), 270.0, cut, 50, 1.0, 1.0)
+
+    def find(frame):
+        angle = math.atan2(frame.world_from_camera[1, 2], frame.world_from_camera[0, 2])
+        known, wanted = sighting(angle, 0.0), sighting(angle, 5.0)
+        far_end = abs(angle - math.radians(15.0)) < 1e-6
+        return (sighting(angle, 2.9, cut=True),) if far_end else (known,) if abs(angle) < 1e-6 else (known, wanted)
+
+    all_of_them = SearchParameters(increment_rad=math.radians(15.0), all_parts=True)
+    result = search(cell(), find, 0.0, math.radians(15.0), all_of_them)
+    assert [math.degrees(part.direction_rad) for part in result.parts] == pytest.approx([0.0, 5.0])
 
 
 def test_sighting_that_vanishes_when_turned_to_is_no_part():

@@ -1,6 +1,7 @@
 """The walk without stops: readings at their own poses, lines that stand alone, failures, hostile parameters."""
 
 from collections.abc import Container
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -112,8 +113,10 @@ class Array:
 class Walk:
     """A walk over the plan, and all that it handed on."""
 
-    def __init__(self, failing: Container[int] = (), planner: LinePlanner | None = None) -> None:
-        self.cell = Cell()
+    def __init__(
+        self, failing: Container[int] = (), planner: LinePlanner | None = None, when: SmoothParameters = WHEN
+    ) -> None:
+        self.cell, self.when = Cell(), when
         self.arm = arm_in(self.cell)
         self.array = Array(self.cell, self.arm, failing)
         self.sweeps: dict[int, Sweep] = {}
@@ -137,7 +140,7 @@ class Walk:
             return lines is not None and len(rows) >= lines
 
         return smooth_scan(
-            PLAN, self.arm, self.array, self.planner, self.keep, lambda stop: self.cell.begin("stop", stop), WHEN,
+            PLAN, self.arm, self.array, self.planner, self.keep, lambda stop: self.cell.begin("stop", stop), self.when,
             self.bring, self.sweeps, stop_now,
         )  # fmt: skip
 
@@ -171,6 +174,20 @@ def test_each_reading_lies_where_its_sensor_was_when_it_fired(whole: Walk) -> No
     assert np.ptp(np.linalg.norm(sweep.position_m - sweep.world_from_grip[:3, 3], axis=1)) > 1e-3
 
 
+def test_the_pose_of_a_reading_is_that_of_the_middle_of_its_pings() -> None:
+    middle_s = 0.012
+    walk = Walk(when=SmoothParameters(WHEN.lead_s, middle_s))
+    assert walk.run(lines=1).next_stop > 0
+    further_m = []
+    for sweep, samples in zip(walk.sweeps.values(), walk.samples, strict=True):
+        then = samples.at(np.minimum(sweep.t_s + middle_s, samples.t_s[-1]))
+        grips = ARM.forward(then) @ FIXTURE.grip_from_sensor
+        assert_allclose(sweep.position_m, grips[:, :3, 3], atol=1e-9)
+        at_the_start = (ARM.forward(samples.at(sweep.t_s)) @ FIXTURE.grip_from_sensor)[:, :3, 3]
+        further_m.append(np.linalg.norm(sweep.position_m - at_the_start, axis=1).max())
+    assert np.median(further_m) > 0.5 * SPEED * middle_s
+
+
 def test_the_surface_is_where_it_is_although_the_arm_moves(whole: Walk) -> None:
     hits = np.concatenate([s.position_m + s.range_m[:, None] * s.axis for s in whole.sweeps.values()])
     assert_allclose(hits[:, 0], 1.05 + Cell.slope * hits[:, 1], atol=3e-4)
@@ -184,8 +201,9 @@ def test_a_sweep_is_half_over_when_the_arm_passes_its_stop(whole: Walk) -> None:
 
 
 def test_the_samples_go_on_from_sweep_to_sweep(whole: Walk) -> None:
-    for before, after in zip(whole.samples[:-1], whole.samples[1:], strict=True):
-        assert after.t_s[0] <= before.t_s[-1] + 4e-3 + 1e-9 or after.t_s[0] > before.t_s[-1]
+    for before, after in pairwise(whole.samples):
+        # From the last sample at or before the end of the sweep before.
+        assert -4e-3 - 1e-9 <= after.t_s[0] - before.t_s[-1] <= 1e-9
         assert after.t_s[-1] > before.t_s[-1]
     assert all(np.diff(samples.t_s).max() <= 4e-3 + 1e-9 for samples in whole.samples)
 

@@ -75,6 +75,16 @@ def test_the_time_law_is_that_of_ruckig(speed: float, acceleration: float, jerk:
     assert_allclose(own, [np.ravel(found.at_time(t)) for t in times.tolist()], rtol=1e-6, atol=1e-8)
 
 
+def test_before_and_after_a_move_the_arm_rests_at_its_ends() -> None:
+    end = READY_RAD + MOVES[0]
+    for move in (JerkLimitedMove(READY_RAD, end, LIMITS, JERK_RAD_S3), torque_limited(MODEL, LIMITS)(READY_RAD, end)):
+        late = move.duration_s
+        position, speed, push = move.sample([-1.0, -1e-9, late, late + 1e-9, late + 1.0])
+        assert_allclose(position, [READY_RAD, READY_RAD, end, end, end])
+        assert not np.any(speed)
+        assert not np.any(push)
+
+
 def test_large_jerk_gives_the_trapezoid() -> None:
     move = JerkLimitedMove(READY_RAD, READY_RAD + MOVES[0], LIMITS, 1e5 * JERK_RAD_S3)
     assert move.duration_s == pytest.approx(
@@ -146,6 +156,21 @@ def test_a_time_optimal_pass_goes_through_every_point_within_all_limits() -> Non
     assert 0.25 < tool.max() < 0.302
     stops = float(np.sum(durations_s(points[:-1], points[1:], LIMITS)))
     assert planned.duration_s < 0.5 * stops
+
+
+@pytest.mark.parametrize("torque_share", [0.5, 0.75, 1.0])
+def test_a_pass_that_asks_too_much_is_stretched_until_its_torques_are_just_allowed(torque_share: float) -> None:
+    pytest.importorskip("toppra")
+    from surfuse.motion.time_optimal import _torque_excess
+
+    rng = np.random.default_rng(4)
+    q = READY_RAD + rng.uniform(-0.3, 0.3, (200, 6))
+    qd, qdd = rng.uniform(-1.0, 1.0, (200, 6)), rng.uniform(-30.0, 30.0, (200, 6))
+    factor = np.sqrt(_torque_excess(q, qd, qdd, MODEL, torque_share))
+    assert factor > 1.0
+    # Friction counts as at the full speed: slower, it is less.
+    share = np.abs(MODEL.rigid_torque(q, qd / factor, qdd / factor**2) + MODEL.friction(qd)) / MODEL.torque_max_nm
+    assert share.max() == pytest.approx(torque_share, rel=1e-9)
 
 
 def test_a_hostile_pass_is_refused() -> None:
