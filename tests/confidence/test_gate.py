@@ -108,7 +108,7 @@ def test_sigma_is_the_stated_one_or_the_sensor_s_seen_along_the_grip_axis(tilt_d
     )  # fmt: skip
     limits = limits_of(FusionScene((SPEC,) * 6, np.eye(4)), GateParameters())
     out, sigma = empty_points(1, 6), np.empty(6)
-    validate(scan_of_sweep(sweep), limits, (0, 1), out.gate, np.empty(6), sigma, np.empty(6))
+    validate(scan_of(sweep), limits, (0, 1), out.gate, np.empty(6), sigma, np.empty(6))
     known = np.where((stated > 0.0) & np.isfinite(stated), stated, SPEC.sigma_m)
     np.testing.assert_allclose(sigma, known * math.cos(tilt))
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surfuse.confidence import per_stop as adapter
 from surfuse.confidence.gate import GateParameters
 from surfuse.errors import DataError
+from surfuse.fusing import per_stop as adapter
 from surfuse.fusing.per_stop import Fused, one_by_one, per_stop
 from surfuse.records import FusionScene, Gap, MapGrid, Readings, SensorSpec
 
