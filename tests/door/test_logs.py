@@ -178,8 +178,9 @@ def test_single_precision_and_whole_numbers_are_numbers():
     assert found.readings.range_m.tolist() == [0.5]
 
 
-def test_masked_ranges_are_faulty_readings(arrays):
-    ranges = np.ma.masked_array(arrays.range_m, mask=np.arange(len(arrays.range_m)) == 0)
+@pytest.mark.parametrize("kind", [float, object, np.float32])
+def test_masked_ranges_are_faulty_readings(kind, arrays):
+    ranges = np.ma.masked_array(arrays.range_m.astype(kind), mask=np.arange(len(arrays.range_m)) == 0)
     found = sf.log(*arrays.required[:4], ranges)
     assert found.readings.status[0] == 3
     assert np.isnan(found.readings.range_m[0])
@@ -225,6 +226,7 @@ N = 155
         ({"t_s": np.ones(N, dtype=bool)}, ["t_s", "bool"]),
         ({"t_s": np.ones(N, dtype=complex)}, ["t_s", "complex"]),
         ({"t_s": None}, ["t_s"]),
+        ({"t_s": np.ma.masked_array(np.ones(N, dtype=bool))}, ["t_s", "bool"]),
         ({"t_s": {"a": 1}}, ["t_s"]),
         ({"t_s": np.full(N, np.nan)}, ["sf.log: t_s[0]", "t = nan"]),
         ({"position_m": np.zeros((3, N))}, ["position_m", "(3, 155)", "(155, 3)"]),

@@ -97,6 +97,28 @@ def test_readings_without_an_echo_are_refused():
         sf.fuse(silent, "mean")
 
 
+def test_a_map_without_a_value_is_refused():
+    sensor = sf.Sensor(kind="ultrasonic", beam_full_angle_deg=13.0, range_min_m=0.2, range_max_m=1.2, sigma_m=5e-4)
+    near = sf.log([0.0, 1.0], ["a", "a"], [[0, 0, 1], [0.1, 0, 1]], [[0, 0, -1]] * 2, [0.1, 0.1], {"a": sensor})
+    with pytest.raises(sf.SurfuseError, match="no cell"):
+        sf.fuse(near, "mean")
+
+
+@pytest.mark.parametrize(
+    ("severities", "trust"),
+    [
+        ((), "good"),
+        (("note",), "good"),
+        (("note", "warning"), "doubtful"),
+        (("alarm",), "bad"),
+        (("warning", "alarm", "note"), "bad"),
+    ],
+)
+def test_trust_follows_from_the_worst_finding(severities, trust, surface):
+    findings = tuple(sf.Finding("log", severity, "what") for severity in severities)
+    assert sf.SurfaceMap(surface.record, findings=findings, judged=True).trust == trust
+
+
 def test_methods_are_those_of_the_command(command):
     assert sf.methods() == command("methods", "--json").json["methods"]
 

@@ -39,9 +39,7 @@ def numbers(values: npt.ArrayLike, name: str, shape: tuple[int | None, ...]) -> 
     wanted = "(" + ", ".join("N" if length is None else str(length) for length in shape) + ")"
     cure = f"give numbers of shape {wanted}"
     try:
-        raw = (
-            np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan) if np.ma.isMA(values) else np.asarray(values)
-        )
+        raw = _unmasked(values)
         if raw.dtype.kind not in _NUMBER_KINDS + "O":
             raise DataError(f"{name} has the type {raw.dtype}", cure=cure)
         if raw.dtype.kind == "O" and any(isinstance(item, str | bytes | bool) for item in raw.flat):
@@ -55,6 +53,15 @@ def numbers(values: npt.ArrayLike, name: str, shape: tuple[int | None, ...]) -> 
     if not fits:
         raise DataError(f"{name} has shape {array.shape}", cure=cure)
     return array
+
+
+def _unmasked(values: npt.ArrayLike) -> npt.NDArray[np.generic]:
+    """The array, masked numbers as nan."""
+    if isinstance(values, np.ma.MaskedArray) and values.dtype.kind in "iu":
+        values = values.astype(np.float64)
+    if isinstance(values, np.ma.MaskedArray) and values.dtype.kind in "fO":
+        return np.asarray(values.filled(np.nan))
+    return np.asarray(values)
 
 
 def names(values: npt.ArrayLike, name: str, count: int) -> list[str]:
