@@ -223,6 +223,14 @@ def test_damaged_entry_points_of_one_package_do_not_hide_those_of_another(site):
     assert registry.load("fusion", "mean").SUMMARY
 
 
+def test_a_package_without_metadata_is_unknown(site):
+    site.package("nameless", "[surfuse.fusion]\nbeam = their_mean\n", their_mean=GOOD)
+    (site.path / "nameless-1.0.dist-info" / "METADATA").unlink()
+    forget()
+    (line,) = registry.found("fusion").refused
+    assert line.startswith("fusion method 'beam' of ")
+
+
 def test_what_is_not_a_module_is_refused(site):
     site.package("other", "[surfuse.fusion]\nodd = odd_module:VALUE", odd_module="VALUE = 42")
     with pytest.raises(ConfigError, match=r"'odd'.*not a module"):

@@ -103,7 +103,11 @@ def load(kind: str, name: str) -> ModuleType:
 
 def owner(point: EntryPoint) -> str:
     """The package that an entry point belongs to."""
-    return f"the package '{point.dist.name}'" if point.dist is not None else "an unknown package"
+    try:
+        name = point.dist.name if point.dist is not None else ""
+    except Exception:  # its metadata are missing or damaged
+        name = ""
+    return f"the package '{name}'" if name else "an unknown package"
 
 
 def _load_other(kind: str, point: EntryPoint) -> ModuleType:

@@ -36,10 +36,6 @@ class RunLock:
 
     def __enter__(self) -> Self:
         path = self._folder / LOCK_NAME
-        if path.is_symlink():
-            raise StorageError(
-                "the lock file is a symbolic link, which is not followed", where=str(path), cure="remove the link"
-            )
         try:
             self._lock.acquire()
         except Timeout as error:

@@ -25,7 +25,7 @@ def bench(folder):
             sensor=np.array([0, 1]),
             position_m=np.zeros((2, 3)),
             axis=np.tile([1.0, 0.0, 0.0], (2, 1)),
-            range_m=np.array([0.9, np.inf if n % 2 else 0.5]),
+            range_m=np.array([0.9, np.inf if n % 2 else 0.5 if n else 0.8]),
             status=np.array([0, n % 2]),
             amplitude=np.array([1.0, 0.5]),
             spread_m=np.full(2, 1e-4),
