@@ -11,6 +11,7 @@ import numpy as np
 from surfuse.geometry.compiled import compiled
 from surfuse.motion.control.computed_torque import ComputedTorque, computed_torque
 from surfuse.motion.control_law import Commands
+from surfuse.motion.newton_euler import RigidArm
 from surfuse.records import FloatArray
 from surfuse.servo_cards.scales import converter_words
 from surfuse.servo_cards.servo import JointServo, Ran, ServoMemory, SettleGoal
@@ -64,7 +65,7 @@ class CompiledTicks:
 @compiled
 def _ticks(
     servo: ServoMemory,
-    law: tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]],
+    law: tuple[RigidArm, tuple[FloatArray, ...]],
     card: CardMemory,
     plant: PlantMemory,
     wanted: tuple[FloatArray, FloatArray, FloatArray],

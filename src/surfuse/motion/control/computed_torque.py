@@ -10,7 +10,7 @@ from surfuse.errors import ConfigError
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import GIVEN_BY_RIG, surrounded
 from surfuse.motion.control_law import INTEGRATED_RAD, STANDARD_GAINS, Commands, LawSurroundings, LoopGains, every_tick
-from surfuse.motion.newton_euler import newton_euler
+from surfuse.motion.newton_euler import RigidArm, newton_euler
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray
 
@@ -89,7 +89,7 @@ class ComputedTorque:
         computed_torque(*self.memory, wanted_rad, wanted_rad_s, wanted_rad_s2, measured_rad, measured_rad_s, torque_nm)
 
     @property
-    def memory(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+    def memory(self) -> tuple[RigidArm, tuple[FloatArray, ...]]:
         """What `computed_torque` takes first: the arm's model, and the loop with its integrators, which move on."""
         return self._arguments, (
             self._gains,
@@ -109,7 +109,7 @@ def create(parameters: Parameters) -> ComputedTorque:
 
 @compiled
 def computed_torque(
-    model: tuple[FloatArray, ...],
+    model: RigidArm,
     loop: tuple[FloatArray, ...],
     wanted: FloatArray,
     wanted_speed: FloatArray,
@@ -119,10 +119,9 @@ def computed_torque(
     torque: FloatArray,
 ) -> None:
     """Write the joint torques (J,) of one tick."""
-    d, a, alpha, mass, center, inertia, armature, gravity = model
     gains, integral_max, integral, acceleration, viscous, dry, limit = loop
     _reference(gains, integral_max, wanted, wanted_speed, wanted_rate, measured, measured_speed, integral, acceleration)
-    newton_euler(d, a, alpha, mass, center, inertia, armature, gravity, measured, measured_speed, acceleration, torque)
+    newton_euler(model, measured, measured_speed, acceleration, torque)
     _add_friction(gains, viscous, dry, limit, wanted, wanted_speed, measured, torque)
 
 

@@ -61,7 +61,7 @@ class GravityPd:
         torque_nm: FloatArray,
     ) -> None:
         """See `ControlLaw.torque`."""
-        newton_euler(*self._arguments, measured_rad, self._still, self._still, torque_nm)
+        newton_euler(self._arguments, measured_rad, self._still, self._still, torque_nm)
         _add_pd(
             self._kp,
             self._kd,

@@ -11,6 +11,7 @@ from surfuse.physics.air import speed_of_sound
 from surfuse.records import FloatArray, IntArray
 from surfuse.twin.acoustics import arrivals, reflections
 from surfuse.twin.acoustics.air import AirParameters, absorption
+from surfuse.twin.acoustics.arrivals import Aim, Bins, Bundle, Edges, Rays, Room, Sound, Triangles
 from surfuse.twin.acoustics.beam import BundleParameters, sample_beam
 from surfuse.twin.acoustics.detection import Detector, Received, burst_envelope, detect
 from surfuse.twin.acoustics.edges import NO_EDGES, EdgePoints, sharp_edges
@@ -91,7 +92,7 @@ class Sounder:
             self.beam.two_way,
         )
         self.edges = _audible(sharp_edges(scene, self.bundle.edge_spacing_m), self.bundle.edge_strength)
-        self._sound = arrivals.Sound(
+        self._sound = Sound(
             mirror_of=table_of("reflectivity", surfaces),
             roughness_of=(2.0 * self.wave_number * table_of("roughness_m", surfaces)) ** 2,
             diffuse_of=table_of("diffuse", surfaces),
@@ -101,13 +102,9 @@ class Sounder:
             seed=seed,
         )
         beam, edges = self.beam, self.edges
-        self._bundle = arrivals.Bundle(beam.weight_sr, self._gain, beam.two_way, beam.nearest, beam.edge_sine)
-        self._triangles = arrivals.Triangles(
-            scene.normal, scene.offset_m, scene.material, scene.body, _speckle_grid(scene)
-        )
-        self._edges = arrivals.Edges(
-            edges.position_m, edges.tangent, edges.faces, edges.length_m, self.bundle.edge_strength
-        )
+        self._bundle = Bundle(beam.weight_sr, self._gain, beam.two_way, beam.nearest, beam.edge_sine)
+        self._triangles = Triangles(scene.normal, scene.offset_m, scene.material, scene.body, _speckle_grid(scene))
+        self._edges = Edges(edges.position_m, edges.tangent, edges.faces, edges.length_m, self.bundle.edge_strength)
         self._shape, self._level, self._ringing, self._opens = self._timing(self.speed_m_s)
         self._shape2 = self._shape**2
         self._work = _workspace(len(self.beam.directions), len(self._level))
@@ -172,19 +169,19 @@ class Sounder:
             bins[low : high + 1] = 0.0
         work.extent[:] = (len(work.mirror), -1)
         rotation = np.ascontiguousarray(world_from_sensor[:3, :3])
-        aim = arrivals.Aim(world_from_sensor[:3, 3] + self.transducer.tube_length_m * rotation[:, 2], rotation)
-        room = arrivals.Room(work.start, work.ray, work.ray32, work.chosen)
+        aim = Aim(world_from_sensor[:3, 3] + self.transducer.tube_length_m * rotation[:, 2], rotation)
+        room = Room(work.start, work.ray, work.ray32, work.chosen)
         arrivals.turn_bundle(aim, beam.directions, scene.origin_m, room)
         count = arrivals.aim_at_edges(
             self.edges.position_m, aim, scene.origin_m, beam.edge_sine, self.bins * BIN_M, len(beam.directions), room
         )
         hit = scene.first_triangle(work.start[:count], work.ray32[:count])
-        rays = arrivals.Rays(work.ray, hit, work.distance, work.cosine)
-        bins = arrivals.Bins(work.mirror, work.real, work.imag, work.extent, BIN_M)
-        heard = self._bundle, self._triangles, self._sound._replace(seed=self.seed)
-        arrivals.add_echoes(aim, rays, work.chosen, self._edges, *heard, bins)
+        rays = Rays(work.ray, hit, work.distance, work.cosine)
+        heard = Bins(work.mirror, work.real, work.imag, work.extent, BIN_M)
+        sound = self._sound._replace(seed=self.seed)
+        arrivals.add_echoes(aim, rays, work.chosen, self._edges, self._bundle, self._triangles, sound, heard)
         if self.bundle.bounces == 2:
-            self._second_bounce(aim, rays, bins)
+            self._second_bounce(aim, rays, heard)
         return EchoArrivals(work.mirror, work.real, work.imag, work.extent)
 
     def envelope(self, world_from_sensor: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -197,7 +194,7 @@ class Sounder:
         received = self.response * np.sqrt(mirror + np.abs(diffuse) ** 2 + self._ringing**2)
         return along, np.asarray(received, dtype=np.float64), self._level
 
-    def _second_bounce(self, aim: arrivals.Aim, rays: arrivals.Rays, bins: arrivals.Bins) -> None:
+    def _second_bounce(self, aim: Aim, rays: Rays, bins: Bins) -> None:
         scene, work = self.scene, self._work
         onward = reflections.Onward(work.start, work.onward, work.onward32, work.parent)
         heard = self._bundle, self._triangles, self._sound
