@@ -20,6 +20,7 @@ SUFFIXES = (".csv",)
 SUMMARY = "CSV: one node a row (u, v, w, sigma, confidence, count, regime, measured)"
 MARKS_PRIOR = True
 _COLUMNS = "u_m,v_m,w_m,sigma_m,confidence,count,regime"
+_LARGEST_COUNT = 2.0**53  # the largest whole numbers that the text of a float tells apart
 _MEASURED = _COLUMNS + ",measured"
 _SECOND = _MEASURED + ",alternative_w_m,alternative_weight"
 _LAYOUTS = (_COLUMNS, _MEASURED, _SECOND)
@@ -104,8 +105,9 @@ def _surface(path: Path, lines: list[str], grid: MapGrid, method: str, width: in
     confidence, whole, mask = np.zeros(grid.shape), np.zeros((2, *grid.shape)), np.zeros(grid.shape, dtype=bool)
     confidence[row, column], whole[0, row, column], whole[1, row, column] = table[:, 4], table[:, 5], table[:, 6]
     mask[row, column] = True
-    if np.any((whole[1] < 0.0) | (whole[1] > 255.0)) or np.any(whole != np.round(whole)):
-        raise DataError("count and regime must be whole numbers", where=str(path), cure="export again")
+    most = np.array([_LARGEST_COUNT, 255.0])[:, np.newaxis, np.newaxis]
+    if not np.all((whole >= 0.0) & (whole <= most) & (whole == np.round(whole))):
+        raise DataError("count and regime must be whole numbers, 0 or more", where=str(path), cure="export again")
     if not np.all(np.isfinite(table[:, 2])):
         raise DataError("a measured node has no finite height", where=str(path), cure="export again")
     second, weight = empty.copy(), np.zeros(grid.shape)
