@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from surfuse.acquisition.smooth import SmoothParameters, lines_of, smooth_scan, way_of
+from surfuse.acquisition.smooth import SmoothParameters, _joints_of, lines_of, smooth_scan, way_of
 from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND_HEIGHT_M, Puma560
 from surfuse.arms import simulated
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
@@ -262,3 +262,9 @@ def test_lines_and_ways_cover_the_plan() -> None:
 def test_hostile_parameters_are_refused(change: dict) -> None:
     with pytest.raises(ConfigError, match=next(iter(change))):
         SmoothParameters(**{"lead_s": 0.0, **change})
+
+
+def test_a_reading_a_clock_s_rounding_before_the_first_sample_is_at_that_sample() -> None:
+    samples = JointSamples(np.array([1.0, 1.1]), np.array([np.zeros(6), np.full(6, 0.1)]))
+    echoes = [Echo(0.4, Status.OK, t_s) for t_s in (1.0 - 5e-5, 1.0, 1.05)]
+    assert_allclose(_joints_of(echoes, samples, 0.0)[:, 0], [0.0, 0.0, 0.05], atol=1e-12)

@@ -268,3 +268,17 @@ def test_relief_moves_a_vertex_along_its_ray_away_from_what_is_straight_ahead():
     u, v = np.add(found.vertices_m, [0.05, 0.0]).T
     aside, up = np.abs(u), np.abs(v + TABLE - 1.15)
     assert found.sigma_m == pytest.approx(0.01 * np.maximum(aside, up) / 0.95, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("errors", "own_m", "sigma_m"),
+    [({}, 0.004, 0.004), ({"relief_m": 0.01}, 0.0, 0.01), ({"range_share": 0.02}, 0.0, 0.02 * 0.98)],
+)
+def test_the_range_s_sigma_holds_the_ranger_s_own_the_air_s_and_the_relief_s(errors, own_m, sigma_m):
+    boundary, corners = rectangle()
+    frame, detection, _ = seen(boundary, 0.95)
+    names = ("pixel_px", "focal", "pitch_rad", "height_m", "range_share", "relief_m")
+    only = ProjectionSigmas(**{"pixel_px": 0.3, **{name: errors.get(name, 0.0) for name in names[1:]}})
+    shoulder = ranger(frame, 0.95, sigma=own_m)
+    found = measure_distance(frame, detection.contour_px, corners, TABLE, shoulder, only)
+    assert found.range_sigma_m == pytest.approx(sigma_m)
