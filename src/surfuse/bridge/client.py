@@ -145,13 +145,8 @@ class BridgeClient:
 
         Where the arm was meanwhile is not asked: see `observe`.
         """
-        known = self.hello.sensors
-        asked = known if sensors is None else sensors
-        for name in asked:
-            if name not in known:
-                raise ConfigError(
-                    f"the bridge has no sensor '{name}'", where=self._line.where, cure=nearest(name, known)
-                )
+        asked = self.hello.sensors if sensors is None else sensors
+        self._check_sensors(asked)
         fields = questions.encode_sweep(sensors)
         answer = self._line.ask(Question.SWEEP, fields, lambda got: answers.decode_sweep(got, asked))
         readings = sorted(answer.readings, key=lambda reading: asked.index(reading.sensor))
@@ -215,15 +210,17 @@ class BridgeClient:
         return self._line.ask_once(Question.MOVE, questions.encode_move(to), lambda got: answers.decode_state(got, arm))
 
     def _after_lost_move(self, to: MoveTo, lost: DeviceError) -> State:
-        """Ask where the arm is before anything else; only a line that broke may have the move sent again, once."""
+        """Ask where the arm is before anything else, and stop it when it took too long.
+
+        Only where the line broke, and the arm has said where it is, the move is sent again, once.
+        """
         self._move_lost = True
-        state = self._asked_state(Question.STATE)
+        too_long = isinstance(lost, SilenceError)
+        state = self._asked_state(Question.STOP if too_long and self.can(Ability.STOP) else Question.STATE)
         self._move_lost = False
         if self._watch.arrived(to, state):
             return state
-        if isinstance(lost, SilenceError):
-            if self.can(Ability.STOP):
-                self.stop()
+        if too_long:
             raise DeviceError(
                 f"{lost.what}, and the arm is not where it was sent",
                 where=lost.where,

@@ -12,7 +12,7 @@ from typing import Self
 
 from surfuse.bridge.fields import Fields
 from surfuse.bridge.lines import LineBuffer
-from surfuse.bridge.messages import Bridgeable, Refusal
+from surfuse.bridge.messages import Bridgeable, Hello, Refusal
 from surfuse.bridge.refusals import refused
 from surfuse.bridge.session import Session
 from surfuse.bridge.strict_json import LINE_LIMIT_BYTES, decode_line, encode_line
@@ -36,6 +36,7 @@ class BridgeServer:
 
     def __init__(self, rig: Bridgeable, address: str, *, allow_remote: bool = False) -> None:
         self._rig, self._asked = rig, parse_address(address, allow_remote=allow_remote)
+        self._hello: Hello | None = None
         self._listener: socket.socket | None = None
         self._closing = threading.Event()
         self._guard = threading.Lock()
@@ -43,6 +44,7 @@ class BridgeServer:
         self._threads: list[threading.Thread] = []
 
     def __enter__(self) -> Self:
+        self._hello = self._rig.hello()
         family = socket.AF_INET6 if ":" in self._asked.host else socket.AF_INET
         listener = socket.socket(family, socket.SOCK_STREAM)
         try:
@@ -109,7 +111,8 @@ class BridgeServer:
 
     def _serve(self, connection: socket.socket) -> None:
         try:
-            Session(self._rig, lambda: connection.recv(_PORTION_BYTES), connection.sendall).run()
+            if self._hello is not None:
+                Session(self._rig, self._hello, lambda: connection.recv(_PORTION_BYTES), connection.sendall).run()
         finally:
             with self._guard:
                 self._client = None
@@ -118,12 +121,13 @@ class BridgeServer:
 
 def serve_stdio(rig: Bridgeable) -> None:
     """Serve the process that started this one; whatever else writes to standard output goes to standard error."""
+    hello = rig.hello()
     sys.stdout.flush()
     answers, before = os.dup(1), sys.stdout
     os.dup2(2, 1)
     sys.stdout = sys.stderr
     try:
-        Session(rig, lambda: os.read(0, _PORTION_BYTES), lambda line: _write_all(answers, line)).run()
+        Session(rig, hello, lambda: os.read(0, _PORTION_BYTES), lambda line: _write_all(answers, line)).run()
     finally:
         sys.stdout = before
         os.dup2(answers, 1)

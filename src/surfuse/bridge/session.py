@@ -24,13 +24,13 @@ class Session:
     Parameters
     ----------
     rig : what is behind the bridge.
+    hello : how it was introduced.
     receive : the next bytes, none at the end.
     send : writes all of its bytes; raises OSError when nobody takes them.
     """
 
-    def __init__(self, rig: Bridgeable, receive: Receive, send: Send) -> None:
-        self._rig, self._receive, self._send = rig, receive, send
-        self._hello = rig.hello()
+    def __init__(self, rig: Bridgeable, hello: Hello, receive: Receive, send: Send) -> None:
+        self._rig, self._hello, self._receive, self._send = rig, hello, receive, send
         self._writing = threading.Lock()
         self._mover: threading.Thread | None = None
 

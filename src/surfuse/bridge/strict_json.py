@@ -23,14 +23,11 @@ _SHOWN_BYTES = 60
 _STRING = re.compile(rb'"[^"\\]*(?:\\.[^"\\]*)*(?:"|\\?\Z)', re.DOTALL)
 _NOT_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _STEP = {ord("["): 1, ord("{"): 1, ord("]"): -1, ord("}"): -1}
-_UNPRINTABLE = re.compile(r"[^\x20-\x7e\xa0-\ud7ff\ue000-\ufdcf\ufdf0-\ufffd\U00010000-\U0001f9ff]+")
-_FORMATTING = re.compile("[\u00ad\u061c\u200b-\u200f\u2028-\u202f\u2060-\u206f\ufeff\ufff9-\ufffb]+")
 
 
 def cleaned(text: str, limit: int = 200) -> str:
     """Text of a stranger as it may stand in our messages: one line, nothing invisible, at most `limit` characters."""
-    plain = _FORMATTING.sub(" ", _UNPRINTABLE.sub(" ", text[: 4 * limit]))
-    words = " ".join(plain.split())
+    words = " ".join("".join(letter if letter.isprintable() else " " for letter in text[: 4 * limit]).split())
     return words if len(words) <= limit and len(text) <= 4 * limit else words[: limit - 3] + "..."
 
 
