@@ -10,17 +10,7 @@ import sys
 import time
 
 pose = [1, 0, 0, 0.0, 0, -1, 0, 0.0, 0, 0, -1, 0.5, 0, 0, 0, 1]  # row by row; the third column looks down
-
-
-def hello(ask):
-    return {
-        "protocol": 1,
-        "name": "minimal",
-        "arm": {"kind": "cartesian"},
-        "sensors": ["us0"],
-        "camera": None,
-        "can": [],
-    }
+HELLO = {"protocol": 1, "name": "minimal", "arm": {"kind": "cartesian"}, "sensors": ["us0"], "camera": None, "can": []}
 
 
 def state(ask):
@@ -44,7 +34,7 @@ questions, answers = sys.stdin, sys.stdout
 if len(sys.argv) > 1:
     line, _ = socket.create_server(("127.0.0.1", int(sys.argv[1]))).accept()
     questions, answers = line.makefile("r", encoding="utf-8"), line.makefile("w", encoding="utf-8")
-do = {"hello": hello, "state": state, "move": move, "sweep": sweep, "bye": lambda ask: {}}
+do = {"hello": lambda ask: HELLO, "state": state, "move": move, "sweep": sweep, "bye": lambda ask: {}}
 for text in questions:
     ask = json.loads(text)
     known = do.get(ask["do"], lambda ask: {"ok": False, "kind": "usage", "error": "no such question"})
