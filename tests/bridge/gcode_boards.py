@@ -89,9 +89,8 @@ class Marlin(Board):
             self._waiting = True
         elif line == "M114":
             x, y, z = self.axes.where()
-            self.say(
-                f"X:{x:.2f} Y:{y:.2f} Z:{z:.2f} E:0.00 Count X:{80 * x:.0f} Y:{80 * y:.0f} Z:{400 * z:.0f}\nok\n".encode()
-            )
+            steps = f"Count X:{80 * x:.0f} Y:{80 * y:.0f} Z:{400 * z:.0f}"
+            self.say(f"X:{x:.2f} Y:{y:.2f} Z:{z:.2f} E:0.00 {steps}\nok\n".encode())
         elif line in ("G21", "G90"):
             self.say(b"ok P15 B3\n")
         else:
@@ -120,9 +119,8 @@ class Grbl(Board):
     def hear(self, byte):
         if byte == b"?":
             x, y, z = self.axes.where()
-            self.say(
-                f"<{self._state()}|{self.report}:{x:.3f},{y:.3f},{z:.3f}|FS:0,0|WCO:0.000,0.000,0.000>\r\n".encode()
-            )
+            where = f"{self.report}:{x:.3f},{y:.3f},{z:.3f}"
+            self.say(f"<{self._state()}|{where}|FS:0,0|WCO:0.000,0.000,0.000>\r\n".encode())
         elif byte == b"!":
             if self.axes.moves():
                 self._held = True

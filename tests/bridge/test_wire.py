@@ -149,6 +149,13 @@ def test_keys_of_later_versions_are_passed_over():
     assert answers.decode_hello(Fields(hello)).can == {Ability.REACH}
 
 
+@pytest.mark.parametrize(("name", "shown"), [("", "bridge"), ("a\x1b[2J\n" + "b" * 500, "a [2J b")])
+def test_the_name_of_a_rig_is_cleaned(name, shown):
+    hello = answers.decode_hello(Fields({"protocol": 1, "name": name, "arm": None, "sensors": []}))
+    assert hello.name.startswith(shown)
+    assert len(hello.name) <= 64
+
+
 @pytest.mark.parametrize("version", [0, 2, 17])
 def test_another_version_is_named_with_ours(version):
     with pytest.raises(DeviceError, match=rf"protocol {version}, this surfuse speaks 1"):
@@ -305,8 +312,9 @@ def test_a_picture_of_another_size_is_refused(change, words):
         ({"sensors": ["a", "a"]}, "'a' 2 times"),
         ({"sensors": ["a\x1b[2J"]}, "control characters"),
         ({"sensors": [f"s{i}" for i in range(65)]}, "65 sensors, at most 64"),
-        ({"name": ""}, "0 characters"),
-        ({"name": "x" * 65}, "65 characters"),
+        ({"sensors": [""]}, "0 characters"),
+        ({"sensors": ["x" * 65]}, "65 characters"),
+        ({"name": None}, "null"),
         ({"arm": {"kind": "joints"}}, "'arm.joints' is missing"),
         ({"arm": {"kind": "joint", "joints": 6}}, "did you mean 'joints'"),
         ({"arm": {"kind": "joints", "joints": 0}}, "wanted 1 to 64"),

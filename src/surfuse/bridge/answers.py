@@ -83,7 +83,7 @@ def decode_hello(answer: Fields) -> Hello:
     _refuse_twins(sensors, "'sensors'")
     words = answer.each("can", text_of) if answer.has("can") else ()
     return Hello(
-        name=_name_of(answer.value("name"), answer.name_of("name")),
+        name=cleaned(answer.text("name"), LONGEST_NAME) or "bridge",
         arm=_arm_of(answer.inner("arm")) if answer.value("arm") is not None else None,
         sensors=sensors,
         camera=_camera_of(answer.inner("camera")) if answer.has("camera") else None,

@@ -87,6 +87,9 @@ class BridgeServer:
     def close(self) -> None:
         """Take no more clients, and part from the one that is there."""
         self._closing.set()
+        if self._listener is not None:
+            with contextlib.suppress(OSError):
+                self._listener.shutdown(socket.SHUT_RDWR)  # wakes `accept` where the system can
         with self._guard:
             if self._client is not None:
                 with contextlib.suppress(OSError):

@@ -127,7 +127,7 @@ class Session:
     def _settle(self) -> None:
         """Nobody watches the arm any more."""
         if self._mover is not None and self._mover.is_alive() and Ability.STOP in self._hello.can:
-            with contextlib.suppress(SurfuseError):
+            with contextlib.suppress(Exception):  # nobody is there to be told
                 self._rig.stop()
         self._join()
 
