@@ -1,9 +1,10 @@
 """Damaged answers of a bridge, and what a client may make of them.
 
-Each case asks for a state, which is answered well, then one question whose first answer is damaged; if that is asked
-again, the answer is good. The client may end with an error of surfuse. It may give the values of the good answer. It
-may give the values of the damaged line only when that is still a valid answer for a reader that is not ours (plain
-`json.loads` and the rules below): a number that was exchanged for another valid one cannot be noticed by anybody.
+Each case asks for a state, which is answered well, then one question whose first answer is damaged (or it is the
+greeting that is damaged); if that is asked again, the answer is good. The client may end with an error of surfuse. It
+may give the values of the good answer. It may give the values of the damaged line only when that is still a valid
+answer for a reader that is not ours (plain `json.loads` and the rules below): a number that was exchanged for another
+valid one cannot be noticed by anybody.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from surfuse.records import Status
 START_S = 1000.0
 TARGET = [*POSE[:3], 0.25, *POSE[4:]]
 HURRIED = Patience(0.02, 0.02, 0.02, 0.02, 0.02, start_timeout_s=5.0, give_up_s=0.03)
-ASKS = ("state", "sweep", "move", "reach", "image")
+ASKS = ("hello", "state", "sweep", "move", "reach", "image")
 ODD = (
     *(None, True, False, 0, -1, -0.0, 1e-320, 1e308, -1e308, 2**53 + 1, 10**30, 0.5, 999.0, 1000.5, math.nan),
     *(math.inf, -math.inf, "", "0.5", "ok", "no_echo", "fault", "us0", "us1", "us2", "\x1b[2J\u202e", [], [0.5], {}),
@@ -59,6 +60,8 @@ class Case:
 def rich_answer(question):
     """A good answer with every optional field."""
     answer = copy.deepcopy(good(question, START_S))
+    if question["do"] == "hello":
+        answer.update(copy.deepcopy(HELLO))
     if question["do"] == "sweep":
         samples = base64.b64encode(np.linspace(0, 1, 5, dtype="<f4").tobytes()).decode()
         for i, reading in enumerate(answer["readings"]):
@@ -188,7 +191,7 @@ def make_case(dice, flood_bytes):
 def question_of(ask):
     """The third question of a conversation: after hello and state."""
     more = {"move": {"world_from_tool": TARGET}, "reach": {"world_from_tool": [POSE, TARGET]}}
-    return {"id": 3, "do": ask, **more.get(ask, {})}
+    return {"id": 1 if ask == "hello" else 3, "do": ask, **more.get(ask, {})}
 
 
 class DamagedBridge:
@@ -232,8 +235,6 @@ class DamagedBridge:
                         line.sendall(piece)
 
     def _pieces(self, question, case):
-        if question["do"] == "hello":
-            return [json.dumps({"id": question["id"], "ok": True, **HELLO}).encode() + b"\n"]
         self._asked += question["do"] == case.ask
         if self._asked == (2 if case.ask == "state" else 1) and question["do"] == case.ask:
             self._asked += 10
@@ -244,6 +245,14 @@ class DamagedBridge:
 def values_of(ask, result):
     """What the client gave, in plain values."""
     match ask:
+        case "hello":
+            arm, camera = result.arm, result.camera
+            return {
+                "arm": None if arm is None else (arm.kind.value, arm.joints),
+                "sensors": list(result.sensors),
+                "camera": None if camera is None else (camera.width_px, camera.height_px),
+                "can": {ability.value for ability in result.can},
+            }
         case "state" | "move":
             return {"t_s": result.t_s, "world_from_tool": result.world_from_tool.ravel().tolist()}
         case "sweep":
@@ -273,7 +282,7 @@ def allowed_of(ask, line):
     try:
         answer = json.loads(line.decode(), object_pairs_hook=_no_twins, parse_constant=_no_constant)
         assert type(answer["id"]) is int
-        assert answer["id"] == 3
+        assert answer["id"] == question_of(ask)["id"]
         assert answer["ok"] is True
         return _PLAIN[ask](answer)
     except (AssertionError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
@@ -363,7 +372,28 @@ def _plain_image(answer):
     return {"t_s": _plain_time(answer), "size": (4, 3), "bytes": data}
 
 
+def _plain_hello(answer):
+    arm, camera, sensors, can = answer["arm"], answer.get("camera"), answer["sensors"], answer.get("can") or []
+    assert (type(answer["protocol"]), answer["protocol"]) == (int, 1)
+    assert type(answer["name"]) is str
+    if arm is not None:
+        joints = arm["joints"] if arm["kind"] == "joints" else 0
+        assert arm["kind"] in ("joints", "cartesian")
+        assert type(joints) is int
+        arm = (arm["kind"], joints)
+    if camera is not None:
+        assert {type(camera["width"]), type(camera["height"])} == {int}
+        assert min(camera["width"], camera["height"]) > 0
+        camera = (camera["width"], camera["height"])
+    assert type(sensors) is list
+    assert type(can) is list
+    assert all(type(name) is str and 0 < len(name) <= 64 and name.isprintable() for name in sensors)
+    assert len(set(sensors)) == len(sensors)
+    return {"arm": arm, "sensors": sensors, "camera": camera, "can": {*can} & {*HELLO["can"]}}
+
+
 _PLAIN = {
+    "hello": _plain_hello,
     "state": lambda answer: _plain_state(answer, POSE),
     "move": lambda answer: _plain_state(answer, TARGET),
     "sweep": _plain_sweep,
@@ -400,7 +430,8 @@ def fuzz(cases, seed, flood_bytes=4 * 2**20):
 def _run(bridge, case, good_value, findings):
     try:
         with BridgeClient(TcpTransport(bridge.address), HURRIED) as client:
-            client.state()
+            if case.ask != "hello":
+                client.state()
             value = values_of(case.ask, _asked(client, case.ask))
     except SurfuseError as error:
         findings.outcomes[f"{case.kind}: {type(error).__name__}"] += 1
@@ -419,6 +450,8 @@ def _run(bridge, case, good_value, findings):
 
 def _asked(client, ask):
     match ask:
+        case "hello":
+            return client.hello
         case "move":
             return client.move(MoveTo(world_from_tool=np.array(TARGET).reshape(4, 4)))
         case "reach":

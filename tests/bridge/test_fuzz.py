@@ -22,7 +22,7 @@ def test_the_judge_knows_good_answers_from_bad_ones():
     for ask in ASKS:
         answer = rich_answer(question_of(ask))
         assert allowed_of(ask, json.dumps(answer).encode()) is not None
-        assert allowed_of(ask, json.dumps({**answer, "id": 2}).encode()) is None
+        assert allowed_of(ask, json.dumps({**answer, "id": 4}).encode()) is None
         assert allowed_of(ask, json.dumps({**answer, "ok": 1}).encode()) is None
     old = {**rich_answer(question_of("state")), "t_s": 999.0}
     assert allowed_of("state", json.dumps(old).encode()) is None
