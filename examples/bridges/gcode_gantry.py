@@ -14,7 +14,7 @@ import threading
 import time
 
 import serial
-from line_server import RefusedError, serve
+from bridge_lines import RefusedError, serve
 
 FEED_MM_MIN, BAUD, LONGEST_S = 3000.0, 115200, 60.0
 DOWN = [1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0]

@@ -10,8 +10,8 @@ import sys
 import time
 
 import rclpy
+from bridge_lines import RefusedError, serve
 from geometry_msgs.msg import PoseStamped
-from line_server import RefusedError, serve
 from moveit.core.robot_state import RobotState
 from moveit.planning import MoveItPy, PlanRequestParameters
 from rotations import quaternion

@@ -11,8 +11,8 @@ import sys
 import threading
 import time
 
+from bridge_lines import RefusedError, serve
 from lerobot.robots.so_follower import SO101Follower, SO101FollowerConfig
-from line_server import RefusedError, serve
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
 ZERO_DEG = (0.0, 0.0, 0.0, 0.0, 0.0)

@@ -3,14 +3,15 @@
 Run: python ufactory_xarm.py ADDRESS_OF_ROBOT, as `command` of the cell file. World is the base frame of the robot. Set
 the TCP offset so that the tool's z lies along the beams. The sensors have drivers of their own in the cell file. The
 SDK speaks mm, and radians where told; its rotation is Rz(yaw) Ry(pitch) Rx(roll) (user manual, "Motion parameters").
-Checked against a stand-in with the methods of XArmAPI. Not checked: a real arm, its error codes, its speeds.
+Checked: the names and arguments of xarm-python-sdk 1.18, and all that it does on a stand-in. Not checked: a real arm,
+its error codes, its speeds.
 """
 
 import math
 import sys
 import time
 
-from line_server import RefusedError, serve
+from bridge_lines import RefusedError, serve
 from xarm.wrapper import XArmAPI
 
 SPEED_MM_S, ACCELERATION_MM_S2 = 100.0, 500.0

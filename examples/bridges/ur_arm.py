@@ -2,13 +2,14 @@
 
 Run: python ur_arm.py ADDRESS_OF_ROBOT, as `command` of the cell file. World is the base frame of the robot. Set the TCP
 on the controller so that its z lies along the beams. The sensors have drivers of their own in the cell file.
-Checked against a stand-in with the methods of ur-rtde 1.6. Not checked: a real arm, its speeds, its protective stops.
+Checked: the names and arguments of ur-rtde 1.6, and all that it does on a stand-in. Not checked: a real arm, URSim.
 """
 
+import math
 import sys
 import time
 
-from line_server import RefusedError, serve
+from bridge_lines import RefusedError, serve
 from rotations import pose_of_vector, rotation_vector
 from rtde_control import RTDEControlInterface
 from rtde_receive import RTDEReceiveInterface
@@ -47,12 +48,19 @@ def move(ask):
     check()
     if not reachable(ask["world_from_tool"]):
         raise RefusedError("unreachable", "no joints within the safety limits")
-    speed = SPEED_M_S * ask.get("speed_share", 0.5)
-    control.moveL(tcp_of(ask["world_from_tool"]), speed, ACCELERATION_M_S2, True)
-    while control.getAsyncOperationProgress() >= 0 or not control.isSteady():
+    tcp, began = tcp_of(ask["world_from_tool"]), time.monotonic()
+    if not control.moveL(tcp, SPEED_M_S * ask.get("speed_share", 0.5), ACCELERATION_M_S2, True):
+        check()
+        raise RefusedError("device", "the controller does not take the move")
+    while control.getAsyncOperationProgress() >= 0 or not control.isSteady() or not_begun(tcp, began):
         check()
         time.sleep(0.01)
     return state(ask)
+
+
+def not_begun(tcp, began):
+    """Whether the arm is away from its target because the controller has not yet started."""
+    return time.monotonic() - began < 1.0 and math.dist(receive.getActualTCPPose()[:3], tcp[:3]) > 1e-3
 
 
 def stop(ask):

@@ -148,6 +148,7 @@ def test_a_universal_robots_arm_stops_on_its_way_and_for_safety(stage):
 
 def test_an_xarm_is_told_millimetres_and_roll_pitch_yaw(stage):
     with stage.client("ufactory_xarm.py", "192.168.1.203") as client:
+        assert client.tally.garbled_answers == 0  # the package prints its version
         for i, turn in enumerate([*TURNS, Rotation.from_euler("xyz", [0.4, np.pi / 2, 0.7]).as_matrix()]):
             target = pose(turn, (0.35, 0.02 * i, 0.3))
             assert_allclose(go(client, target, 0.5).world_from_tool, target, atol=1e-9)

@@ -7,6 +7,8 @@ from journal import fault, note
 
 from motion import Traveller
 
+print("SDK_VERSION: 1.18.4")  # as the real one does
+
 
 class XArmAPI:
     def __init__(self, port=None, is_radian=False, do_not_open=False):

@@ -1,4 +1,7 @@
-"""The loop that the bridges of this folder share: questions in, answers out, one JSON object a line."""
+"""The loop that the bridges of this folder share: questions in, answers out, one JSON object a line.
+
+Import it before the maker's package: some of them print while they are imported.
+"""
 
 import json
 import socket
@@ -6,6 +9,7 @@ import sys
 import threading
 
 _writing = threading.Lock()
+_answers, sys.stdout = sys.stdout, sys.stderr  # what a library prints must not stand between the answers
 
 
 class RefusedError(Exception):
@@ -18,8 +22,7 @@ def serve(do, port=None):
     `do` holds a function for each word after "do"; it gets the question and gives the fields of the answer.
     """
     if port is None:
-        answers, sys.stdout = sys.stdout, sys.stderr  # what a library prints must not stand between the answers
-        _answer_all(do, sys.stdin, answers)
+        _answer_all(do, sys.stdin, _answers)
         return
     with socket.create_server(("127.0.0.1", port)) as listener:
         line, _ = listener.accept()
