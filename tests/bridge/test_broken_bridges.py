@@ -275,7 +275,7 @@ def test_a_dead_bridge_is_noticed_within_its_time(how):
     program = [sys.executable, str(RIG), "tcp://127.0.0.1:0"]
     with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
         address = process.stdout.readline().decode().strip()
-        with BridgeClient(TcpTransport(address), QUICK) as client:
+        with BridgeClient(TcpTransport(address), Patience(sweep_timeout_s=1.5, give_up_s=1.5)) as client:
             client.sweep()
             process.send_signal(getattr(signal, how))
             with pytest.raises(DeviceError) as caught:

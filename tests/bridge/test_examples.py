@@ -139,7 +139,7 @@ def test_a_universal_robots_arm_is_told_metres_and_rotation_vectors(stage):
 
 def test_a_universal_robots_arm_stops_on_its_way_and_for_safety(stage):
     with stage.client("ur_arm.py", "192.168.1.10") as client:
-        where = stopped_on_the_way(client, pose(DOWN, (0.4, 0.5, 0.4)), 0.02).world_from_tool
+        where = stopped_on_the_way(client, pose(DOWN, (0.4, 0.5, 0.4)), 0.01).world_from_tool
         assert 0.0 < where[1, 3] < 0.45
     stage.fault("protective stop")
     with stage.client("ur_arm.py", "192.168.1.10") as client, pytest.raises(SafetyStopError, match="has stopped"):
@@ -254,7 +254,7 @@ def test_a_gantry_goes_where_it_is_sent(stage, dialect):
         assert ("G53 " if dialect == "grbl" else "") + command in board.told
         with pytest.raises(UnreachableError, match="cannot turn"):
             go(client, pose(TILTED, (0.1, 0.1, 0.1)))
-        where = stopped_on_the_way(client, pose(DOWN, (0.2, 0.0, 0.0)), 0.05).world_from_tool
+        where = stopped_on_the_way(client, pose(DOWN, (0.2, 0.0, 0.0)), 0.02).world_from_tool
         assert 0.0 < where[0, 3] < 0.19
         assert_allclose(go(client, pose(DOWN, (0.05, 0.0, 0.0))).world_from_tool[0, 3], 0.05, atol=1e-5)
 

