@@ -10,11 +10,11 @@ import threading
 from types import TracebackType
 from typing import Self
 
+from surfuse.bridge.answering import Answering
 from surfuse.bridge.fields import Fields
 from surfuse.bridge.lines import LineBuffer
 from surfuse.bridge.messages import Bridgeable, Hello, Refusal
 from surfuse.bridge.refusals import refused
-from surfuse.bridge.session import Session
 from surfuse.bridge.strict_json import LINE_LIMIT_BYTES, decode_line, encode_line
 from surfuse.bridge.transport import TcpAddress, parse_address
 from surfuse.errors import DataError, DeviceError
@@ -115,7 +115,7 @@ class BridgeServer:
     def _serve(self, connection: socket.socket) -> None:
         try:
             if self._hello is not None:
-                Session(self._rig, self._hello, lambda: connection.recv(_PORTION_BYTES), connection.sendall).run()
+                Answering(self._rig, self._hello, lambda: connection.recv(_PORTION_BYTES), connection.sendall).run()
         finally:
             with self._guard:
                 self._client = None
@@ -130,7 +130,7 @@ def serve_stdio(rig: Bridgeable) -> None:
     os.dup2(2, 1)
     sys.stdout = sys.stderr
     try:
-        Session(rig, hello, lambda: os.read(0, _PORTION_BYTES), lambda line: _write_all(answers, line)).run()
+        Answering(rig, hello, lambda: os.read(0, _PORTION_BYTES), lambda line: _write_all(answers, line)).run()
     finally:
         sys.stdout = before
         os.dup2(answers, 1)

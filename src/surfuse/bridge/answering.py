@@ -18,7 +18,7 @@ Receive = Callable[[], bytes]
 Send = Callable[[bytes], None]
 
 
-class Session:
+class Answering:
     """The conversation with one client, until it leaves.
 
     Parameters
