@@ -13,7 +13,9 @@ from surfuse.errors import DataError, nearest
 from surfuse.records import FloatArray
 
 ROTATION_TOLERANCE = 1e-6
+BOTTOM_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 WHOLE_LIMIT = 2**53
+_UNIT = np.eye(3)
 T = TypeVar("T")
 
 
@@ -145,13 +147,26 @@ def pose_of(value: object, name: str) -> FloatArray:
         count = f"{len(value)} items" if isinstance(value, list) else _kind(value)
         raise DataError(f"{name} has {count}, wanted the 16 numbers of a 4 x 4 pose, row by row")
     matrix = np.array([number_of(item, f"{name}[{i}]") for i, item in enumerate(value)]).reshape(4, 4)
-    if not np.max(np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0])) <= ROTATION_TOLERANCE:
+    check_rigid(matrix, name)
+    matrix[3] = BOTTOM_ROW
+    matrix.setflags(write=False)
+    return matrix
+
+
+def check_rigid(matrix: FloatArray, name: str) -> None:
+    """Refuse a (4, 4) that is not a rigid, right-handed pose within 1e-6.
+
+    Raises
+    ------
+    DataError : what is wrong with it.
+    """
+    if not np.abs(matrix[3] - BOTTOM_ROW).max() <= ROTATION_TOLERANCE:
         row = ", ".join(f"{item:g}" for item in matrix[3])
         raise DataError(f"{name} has the bottom row {row}, wanted 0, 0, 0, 1", cure="write the pose row by row")
     rotation = matrix[:3, :3]
     # Entries of a rotation are at most 1; beyond that the product below might overflow.
-    largest = float(np.max(np.abs(rotation)))
-    off = float(np.max(np.abs(rotation @ rotation.T - np.eye(3)))) if largest < 2.0 else largest
+    largest = float(np.abs(rotation).max())
+    off = float(np.abs(rotation @ rotation.T - _UNIT).max()) if largest < 2.0 else largest
     if not off <= ROTATION_TOLERANCE:
         raise DataError(
             f"{name} is no rotation: its rows are {off:.2g} off unit length and right angles, "
@@ -160,9 +175,6 @@ def pose_of(value: object, name: str) -> FloatArray:
         )
     if not float(np.linalg.det(rotation)) > 0.0:
         raise DataError(f"{name} is left-handed: the determinant is -1", cure="turn one axis round")
-    matrix[3] = [0.0, 0.0, 0.0, 1.0]
-    matrix.setflags(write=False)
-    return matrix
 
 
 def _wrong(name: str, value: object, wanted: str) -> DataError:

@@ -9,9 +9,10 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from surfuse.bridge.fields import check_rigid
 from surfuse.errors import DataError
 from surfuse.records import BoolArray, ByteArray, FloatArray, Status
-from surfuse.records.checks import own, own_pose
+from surfuse.records.checks import own
 
 PROTOCOL_VERSION = 1
 MOST_SENSORS = 64
@@ -98,7 +99,8 @@ class State:
         if self.world_from_tool is None and self.joints_rad is None:
             raise DataError("a state without 'world_from_tool' and without 'joints_rad'", cure="give one of them")
         if self.world_from_tool is not None:
-            own_pose(self, "world_from_tool")
+            own(self, np.float64, world_from_tool=(4, 4))
+            check_rigid(self.world_from_tool, "world_from_tool")
         if self.joints_rad is not None:
             own(self, np.float64, joints_rad=(None,))
 
@@ -127,7 +129,8 @@ class MoveTo:
         if self.speed_share is not None and not 0.0 < self.speed_share <= 1.0:
             raise DataError(f"speed_share = {self.speed_share}", cure="give a share above 0, at most 1")
         if self.world_from_tool is not None:
-            own_pose(self, "world_from_tool")
+            own(self, np.float64, world_from_tool=(4, 4))
+            check_rigid(self.world_from_tool, "world_from_tool")
         if self.joints_rad is not None:
             own(self, np.float64, joints_rad=(None,))
 
