@@ -1,6 +1,6 @@
 """Damaged answers of a bridge over loopback: crashes, hangs, and wrong numbers let through.
 
-Run: python benchmarks/fuzz_bridge.py [--cases N] [--seed S]. 100,000 cases take about eight minutes. What is damaged,
+Run: python benchmarks/fuzz_bridge.py [--cases N] [--seed S]. 100,000 cases take about eleven minutes on a busy machine. What is damaged,
 and how it is judged, stands in tests/bridge/mutations.py. Floods are 100 MB here, one in 2,000 cases of a stream.
 """
 
