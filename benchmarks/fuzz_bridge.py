@@ -1,7 +1,7 @@
 """Damaged answers of a bridge over loopback: crashes, hangs, and wrong numbers let through.
 
-Run: python benchmarks/fuzz_bridge.py [--cases N] [--seed S]. 100,000 cases take about eleven minutes on a busy machine. What is damaged,
-and how it is judged, stands in tests/bridge/mutations.py. Floods are 100 MB here, one in 2,000 cases of a stream.
+Run: python benchmarks/fuzz_bridge.py [--cases N] [--seed S]. 100,000 cases take eleven minutes on a busy machine. What
+is damaged, and how it is judged, stands in tests/bridge/mutations.py. One case in 2,000 is a flood of 100 MB.
 """
 
 from __future__ import annotations
