@@ -65,6 +65,10 @@ class SafetyStopError(SurfuseError):
     exit_status = 5
 
 
+class UnreachableError(SafetyStopError):
+    """The arm cannot take this pose, and has not moved: a scan may leave the stop out and go on."""
+
+
 class StorageError(SurfuseError):
     """The disk refused, or what is on it is damaged."""
 
