@@ -64,7 +64,10 @@ def read_foreign_log(
         gathered.warnings += [f"{segment.name}: {text}" for _, _, text in found.damage]
         _gather(found, gathered, path)
     if not gathered.frame:
-        listing = ", ".join(f"{topic} ({kind})" for topic, kind in list(gathered.topics.items())[:12]) or "no topics"
+        if not gathered.topics:
+            cure = "give a run folder, an .mcap that was closed properly, or a .csv file"
+            raise DataError("nothing in it can be read as an MCAP log", where=str(path), cure=cure)
+        listing = ", ".join(f"{topic} ({kind})" for topic, kind in list(gathered.topics.items())[:12])
         raise DataError(f"the log has no {_RANGE}; found: {listing}", where=str(path), cure=_NEEDED)
     specs = _specs(gathered, sensors, assumed or AssumedSensor())
     single = _single(gathered, specs, path)
@@ -220,6 +223,9 @@ def _poses(
         )
     roots = {gathered.tree.root(name) for name in names}
     if len(roots) > 1:
+        if not gathered.topics:
+            cure = "give a run folder, an .mcap that was closed properly, or a .csv file"
+            raise DataError("nothing in it can be read as an MCAP log", where=str(path), cure=cure)
         listing = ", ".join(sorted(roots))
         raise DataError(f"the sensors hang on different frames ({listing})", where=str(path), cure="join them in /tf")
     for i in np.unique(sensor):

@@ -20,6 +20,7 @@ from surfuse.runs.configuration import RUN_TABLE, read_configuration
 from surfuse.runs.toml_file import parse_toml
 
 _SHOWN = 80  # characters of a wrong value that a message repeats
+_PARAMETER_PLACE = 4  # fusion.parameters.METHOD.KEY
 NO_BUS = "none"
 BUS_PINGS_LIMIT = 31  # the count of a reading has five bits on the bus
 
@@ -363,7 +364,22 @@ def _explain(error: ValidationError) -> str:
         return f"unknown key '{path}'{more}; {nearest(str(problem['loc'][-1]), valid)}"
     shown = repr(problem["input"])
     shown = shown if len(shown) <= _SHOWN else f"{shown[:_SHOWN]}..."
-    return f"{path} = {shown}: {problem['msg'][0].lower()}{problem['msg'][1:]}{more}"
+    return _wrong_value(problem["type"], tuple(problem["loc"]), shown, problem["msg"], more)
+
+
+def _wrong_value(kind: str, place: tuple[int | str, ...], shown: str, message: str, more: str) -> str:
+    """A value that cannot be taken, and what can; pydantic's words where they say it."""
+    if kind in ("dict_type", "model_type"):
+        path = ".".join(map(str, place))
+        return f"{path} = {shown}: it is a table, not a value; write {path}.KEY=VALUE{more}"
+    if place[:2] == ("fusion", "parameters") and len(place) > _PARAMETER_PLACE:
+        # One problem for every type that a parameter may have; the last word of the place is that type.
+        path = ".".join(map(str, place[:_PARAMETER_PLACE]))
+        return f"{path} = {shown}: give a finite number, a text, true or false"
+    if kind in ("missing", "too_long", "too_short") and place:
+        path = ".".join(str(part) for part in place if isinstance(part, str))
+        return f"{path} = {shown}: it has another number of values than are needed"
+    return f"{'.'.join(map(str, place))} = {shown}: {message[0].lower()}{message[1:]}{more}"
 
 
 def _keys(path: tuple[str, ...]) -> tuple[str, ...]:

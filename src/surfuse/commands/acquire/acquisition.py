@@ -106,7 +106,8 @@ def _resumable(run: RunFolder) -> Iterator[None]:
     except InterruptError as error:
         raise InterruptError(error.what, cure=go_on) from error
     except (SafetyStopError, DeviceError) as error:
-        cure = f"{error.cure}; what was scanned is on disk, {go_on}"
+        kept = f"what was scanned is on disk, {go_on}" if read_progress(run.path) is not None else f"then {go_on}"
+        cure = f"{error.cure}; {kept}"
         raise type(error)(error.what, cure=cure.removeprefix("; "), where=error.where) from error
 
 

@@ -85,6 +85,8 @@ def reproduce(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome
     began = time.perf_counter()
     run = RunFolder.create(out or default_folder("reproduce"))
     run.log.rmdir()
+    if settings.scene.name not in ("", *(one.scene for one in EXPERIMENTS)):
+        watcher.warn(f"scene.name = '{settings.scene.name}' has no effect here: the paper's scenes are scanned")
     compared = []
     for experiment in EXPERIMENTS:
         _go_on(watcher, run)

@@ -58,7 +58,8 @@ def map_path(path: Path) -> Path:
             raise DataError(f"the folder holds no {NATIVE}", cure="give a map file or a finished run", where=str(path))
         return path / NATIVE
     if not path.exists():
-        raise StorageError("no such file or folder", cure="give a map file or a run folder", where=str(path))
+        mesh = "a mesh, " if path.suffix.lower() in MESH_SUFFIXES else ""
+        raise StorageError("no such file or folder", cure=f"give {mesh}a map file or a run folder", where=str(path))
     return path
 
 

@@ -61,8 +61,15 @@ def report(path: Path, file: Path | None, overwrite: bool, against: str | None =
     `against` defaults to the paper's method, or to `beam` for a run of the paper's.
     """
     run = RunFolder(path)
+    if not path.is_dir():
+        what, cure = "there is no such folder", "give a run folder"
+        if path.exists():
+            what, cure = "it is a file", "give a run folder; 'surfuse view' shows a map by itself"
+        raise DataError(what, cure=cure, where=str(path))
     if not run.surface.is_file():
-        raise DataError(f"the folder holds no {NATIVE}", cure="finish the run with 'surfuse resume'", where=str(path))
+        begun = run.configuration.is_file()
+        cure = "finish the run with 'surfuse resume'" if begun else "give a run folder"
+        raise DataError(f"the folder holds no {NATIVE}", cure=cure, where=str(path))
     target = file or run.report
     method = nc.read(run.surface).method
     content = content_of(run, None, against or ("beam" if method == PAPER else PAPER))
