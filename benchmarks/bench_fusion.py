@@ -14,10 +14,10 @@ from collections.abc import Callable
 import numpy as np
 
 from surfuse.confidence.gate import limits_of
-from surfuse.fusing.columns import empty_points, scan_of_readings
 from surfuse.fusing.sweepwise import SweepwiseFusion
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FusionScene, MapGrid, Outline, Readings, SensorSpec
+from surfuse.records.kernel_columns import empty_points, scan_of
 from surfuse.registry import load
 
 METHODS = ("weighted_average", "mean", "median")
@@ -74,7 +74,7 @@ def best(action: Callable[[], object], repeats: int = 5) -> float:
 def kernel_time(method: FusionMethod, scene: FusionScene, readings: Readings) -> float:
     """Time of the walk alone: columns in, columns out, no records."""
     assert isinstance(method, SweepwiseFusion)
-    scan, out = scan_of_readings(readings), empty_points(readings.n_sweeps, len(readings.t_s))
+    scan, out = scan_of(readings), empty_points(readings.n_sweeps, len(readings.t_s))
     limits = limits_of(scene, method.gates)
     return best(lambda: method.walk(scan, limits, method.fresh(4), out))
 

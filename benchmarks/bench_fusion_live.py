@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from surfuse.commands.fuse.fuse_log import grid_of
+from surfuse.commands.fuse.map_of_log import grid_of
 from surfuse.fusion import beam
 from surfuse.interfaces import LiveMapping
 from surfuse.runs.scan_source import load_scan

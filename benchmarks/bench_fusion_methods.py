@@ -19,9 +19,9 @@ import numpy as np
 
 from surfuse import registry
 from surfuse.commands.acquire.acquisition import acquire
-from surfuse.commands.fuse.fuse_log import grid_of
-from surfuse.commands.judge.evaluation import edge_truth, read_truth
+from surfuse.commands.fuse.map_of_log import grid_of
 from surfuse.commands.judge.method_comparison import Against, MethodResult, result_of
+from surfuse.commands.judge.truth_files import edge_truth, read_truth
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.records import FloatArray, SurfaceMap
 from surfuse.report.axes import drawing

@@ -22,7 +22,7 @@ import numpy as np
 from judged_scans import scan
 from judged_scenes import scenes
 
-from surfuse.commands.fuse.fuse_log import fused, grid_of
+from surfuse.commands.fuse.map_of_log import fused, grid_of
 from surfuse.commands.fuse.methods import create_method
 from surfuse.records import Regime, SurfaceMap
 from surfuse.runs.scan_source import load_scan

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfuse.acquire.search import SearchParameters, SearchResult, search
+from surfuse.acquisition.search import SearchParameters, SearchResult, search
 from surfuse.arm_models.puma560 import LIMITS
 from surfuse.commands.acquire.locating import finder
 from surfuse.records import CameraFrame

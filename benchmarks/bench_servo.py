@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, Puma560
+from surfuse.commands.servo.servo_study import LAWS
 from surfuse.geometry.poses import pose
 from surfuse.motion.planners import trapezoidal
 from surfuse.rig.simulated.assembly import SimulatedClock
-from surfuse.rig.simulated.servo_arm import LAWS, Unknown, build_servo_arm, known_model, true_dynamics
+from surfuse.rig.simulated.servo_arm import Unknown, build_servo_arm, known_model, true_dynamics
 from surfuse.twin.dynamics.plant import ArmPlant
 
 KINEMATICS = Puma560(np.eye(4), pose(np.eye(3), [0.0, 0.0, 0.08 - FLANGE_OFFSET_M]))

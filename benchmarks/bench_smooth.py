@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from surfuse.commands.acquire.acquisition import acquire
-from surfuse.commands.fuse.fuse_log import fused, grid_of
+from surfuse.commands.fuse.map_of_log import fused, grid_of
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.runs.scan_source import load_scan

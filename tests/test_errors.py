@@ -23,6 +23,7 @@ def test_exit_statuses_are_those_of_the_contract():
         "DataError": 3,
         "DeviceError": 4,
         "SafetyStopError": 5,
+        "UnreachableError": 5,
         "StorageError": 6,
         "InterruptError": 130,
     }

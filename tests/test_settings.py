@@ -152,3 +152,19 @@ def test_the_tree_of_settings_builds_them_again():
 def test_settings_do_not_change():
     with pytest.raises(ValueError, match="frozen"):
         load().scan.step_m = 0.5
+
+
+def test_the_limit_of_the_bus_is_on_what_the_bus_carries():
+    assert load(None, ["array.pings=50", "scan.mode=smooth", "scan.pings=2"]).pings == 2
+    assert load(None, ["array.pings=50", "bus.interface=none"]).pings == 50
+    assert load(None, ["array.pings=31"]).pings == 31
+    with pytest.raises(ConfigError, match=r"array\.pings = 50.*at most 31.*fewer"):
+        load(None, ["array.pings=50"])
+    with pytest.raises(ConfigError, match=r"scan\.pings = 32"):
+        load(None, ["scan.mode=smooth", "scan.pings=32"])
+
+
+def test_the_control_law_is_one_of_the_plug_ins():
+    assert load(None, ["arm.law=gravity_pd"]).arm.law == "gravity_pd"
+    with pytest.raises(ConfigError, match=r"arm\.law = 'gravity_dp'; did you mean 'gravity_pd'"):
+        load(None, ["arm.law=gravity_dp"])

@@ -65,6 +65,10 @@ class SafetyStopError(SurfuseError):
     exit_status = 5
 
 
+class UnreachableError(SafetyStopError):
+    """The arm cannot take this pose, and has not moved: a scan may leave the stop out and go on."""
+
+
 class StorageError(SurfuseError):
     """The disk refused, or what is on it is damaged."""
 
@@ -78,8 +82,15 @@ class InterruptError(SurfuseError):
 
 
 def nearest(name: str, valid: Iterable[str]) -> str:
-    """Name the closest of the valid names, as the cure of an unknown-name error."""
+    """Name the closest of the valid names, as the cure of an unknown-name error.
+
+    One that begins like the name, or the other way round, is closer than one that only resembles it: `fx` is `fx_px`.
+    """
     names = sorted(valid)
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    listing = ", ".join(names)
+    listing, asked = ", ".join(names), name.casefold()
+    begun = [one for one in names if asked and (one.casefold().startswith(asked) or asked.startswith(one.casefold()))]
+    begun.sort(key=lambda one: abs(len(one) - len(name)))
+    folded = {one.casefold(): one for one in reversed(names)}
+    like = difflib.get_close_matches(asked, folded, n=1, cutoff=0.5)
+    close = begun[:1] or [folded[one] for one in like]
     return f"did you mean '{close[0]}'? valid: {listing}" if close else f"valid: {listing}"

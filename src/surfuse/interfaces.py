@@ -1,18 +1,35 @@
 """The Protocols on one page: what a camera, an arm, a range sensor, a fusion method and a file format must do.
 
 Devices are context managers without side effects in their constructors. Drivers are dumb: they neither validate nor
-fuse. A plug-in module offers the functions named in the last lines of each section.
+fuse.
+
+A plug-in is a module. For devices, fusion methods and control laws it has exactly
+
+- `SUMMARY: str`, one line for lists;
+- `Parameters`, a frozen dataclass that checks itself: the fields that a file or `--set` may name, each with its unit;
+- `create(parameters: Parameters)`, which opens and starts nothing;
+- `NEEDS: tuple[str, ...]`, only where it imports optional packages when it is opened: their import names.
+
+What a driver needs and no file can name (the clock, the kinematics, in the simulated rig the world) comes from the rig
+as one record in the last field, `surroundings: ... = field(default=..., metadata=GIVEN_BY_RIG)`. Every kind has its
+usual record (`SensorSurroundings`, `CameraSurroundings`, `motion.arm_surroundings.ArmSurroundings`), which a real rig
+can give; a driver that needs more, as the simulated ones do, asks for a record derived from it. Where the default is
+None, the driver cannot do without (`surrounded`).
 """
 
 from __future__ import annotations
 
+import time
+from collections.abc import Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol, Self, runtime_checkable
+from types import MappingProxyType, TracebackType
+from typing import Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
 
+from surfuse.errors import ConfigError
 from surfuse.records import (
     BoolArray,
     ByteArray,
@@ -20,7 +37,7 @@ from surfuse.records import (
     Echo,
     Fixture,
     FloatArray,
-    FusedPoint,
+    FusedPoints,
     FusionResult,
     FusionScene,
     JointState,
@@ -30,6 +47,10 @@ from surfuse.records import (
     SurfaceMap,
     Sweep,
 )
+
+GIVEN_BY_RIG: Mapping[str, bool] = MappingProxyType({"given_by_rig": True})
+"""Metadata of the field `surroundings` of a plug-in's `Parameters`: no file can name it."""
+S = TypeVar("S")
 
 
 class Device(Protocol):
@@ -79,13 +100,48 @@ class Clock(Protocol):
     def advance(self, duration_s: float) -> None: ...
 
 
+class MonotonicClock:
+    """Seconds of the machine that never go back; waiting is real."""
+
+    def now_s(self) -> float:
+        """Seconds since an arbitrary moment."""
+        return time.monotonic()
+
+    def advance(self, duration_s: float) -> None:
+        """Wait."""
+        time.sleep(max(duration_s, 0.0))
+
+
+MACHINE_CLOCK = MonotonicClock()
+
+
+def surrounded(surroundings: S | None, driver: str) -> S:
+    """The surroundings of a driver that cannot do without.
+
+    Raises
+    ------
+    ConfigError : there are none.
+    """
+    if surroundings is None:
+        raise ConfigError(f"the driver '{driver}' stands in no rig", cure="give Parameters(surroundings=...)")
+    return surroundings
+
+
 class Camera(Device, Protocol):
-    """A monochrome camera. Plug-in: `create(...) -> Camera`."""
+    """A monochrome camera."""
 
     @property
     def model(self) -> CameraModel: ...
     def capture(self) -> tuple[ByteArray, float]:
         """One image (H, W) uint8 and its time in seconds."""
+
+
+@dataclass(frozen=True)
+class CameraSurroundings:
+    """What a rig tells a camera: its lens and pixels, as calibrated, and the clock of the rig."""
+
+    model: CameraModel
+    clock: Clock = MACHINE_CLOCK
 
 
 class Kinematics(Protocol):
@@ -113,7 +169,7 @@ class Kinematics(Protocol):
 
 
 class Arm(Device, Protocol):
-    """An arm that goes to joint positions and says where it is. Plug-in: `create(...) -> Arm`."""
+    """An arm that goes to joint positions and says where it is."""
 
     @property
     def kinematics(self) -> Kinematics: ...
@@ -129,12 +185,28 @@ class Arm(Device, Protocol):
 
 
 class RangeSensor(Device, Protocol):
-    """One ranger. Plug-in: `SPEC: SensorSpec` and `create(...) -> RangeSensor`."""
+    """One ranger; its spec is known before it is opened."""
 
     @property
     def spec(self) -> SensorSpec: ...
     def fire(self) -> Echo:
         """One trigger, one averaged answer; no echo is an answer, not an error."""
+
+
+@dataclass(frozen=True)
+class SensorSurroundings:
+    """What a rig tells a ranger: its clock, and what it knows of this ranger (None: what the driver says)."""
+
+    clock: Clock = MACHINE_CLOCK
+    spec: SensorSpec | None = None
+
+    def known(self, usual: SensorSpec) -> SensorSpec:
+        """The spec: that of the rig, else the driver's."""
+        return usual if self.spec is None else self.spec
+
+
+STANDING_ALONE = SensorSurroundings()
+"""Of a ranger that is used without a rig."""
 
 
 class RangeArray(Device, Protocol):
@@ -163,12 +235,12 @@ class World(Protocol):
         """Choose the random stream of a stop: it depends on seed, stage and index alone."""
 
 
+@runtime_checkable
 class FusionMethod(Protocol):
     """Readings in, fused points (and perhaps a map) out, with explicit state.
 
-    Plug-in: `SUMMARY: str` (one line), `Parameters` (frozen dataclass, every field with unit suffix and default) and
-    `create(parameters: Parameters) -> FusionMethod`. Live (`start`, `step`, `finish`) and replayed (`replay`) fusion
-    give the same numbers to the last bit.
+    Every field of its `Parameters` has a default. Live (`start`, `step`, `finish`) and replayed (`replay`) fusion give
+    the same numbers to the last bit.
     """
 
     @property
@@ -176,8 +248,8 @@ class FusionMethod(Protocol):
     def start(self, scene: FusionScene) -> object:
         """A fresh state."""
 
-    def step(self, state: object, sweep: Sweep) -> FusedPoint:
-        """Take in one sweep: the state moves on, the point of this stop is returned."""
+    def step(self, state: object, sweep: Sweep) -> FusedPoints:
+        """Take in one sweep: the state moves on, the one point of this stop is returned."""
 
     def finish(self, state: object, grid: MapGrid) -> FusionResult:
         """All points so far; methods which need all readings at once make their map here."""
@@ -195,11 +267,13 @@ class LiveMapping(Protocol):
 
 
 class MapFormat(Protocol):
-    """One file format of maps. Plug-in: `SUFFIXES: tuple[str, ...]`, `write`, and `read` where it can be read back.
+    """One file format of maps; the plug-in module itself has all that stands here.
 
     `MARKS_PRIOR` says whether it writes the cells that only the prior fills, marked as such; else it leaves them out.
+    A format that cannot be read back has, instead of `read`, the reason in `NOT_READ: str`.
     """
 
+    SUMMARY: str
     SUFFIXES: tuple[str, ...]
     MARKS_PRIOR: bool
 

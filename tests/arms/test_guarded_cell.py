@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from surfuse.acquire.smooth import lines_of, way_of
+from surfuse.acquisition.smooth import lines_of, way_of
 from surfuse.arm_models.puma560 import LIMITS, READY_RAD
 from surfuse.errors import SafetyStopError
 from surfuse.geometry.poses import pose
@@ -63,7 +63,6 @@ def test_no_default_plan_is_refused(azimuth_deg: float) -> None:
     for joints in approach(READY_RAD, plan.joints_rad[0], made.arm.kinematics, check):
         made.arm.move_to(joints)
     assert made.smooth is not None
-    pytest.importorskip("toppra")
     planner = made.smooth.planner(0.09)
     for line in lines_of(plan):
         planner(way_of(plan, line))

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -48,8 +50,21 @@ class ShakyWorld:
 
 
 def arm_in(world: ShakyWorld, clock: Clock, **changes: float) -> simulated.SimulatedArm:
-    parameters = simulated.Parameters(encoder_rad_per_count=ENCODER_RAD_PER_COUNT, **changes)
-    return simulated.create(KINEMATICS, world, clock, LIMITS, READY_RAD, parameters)
+    around = surroundings(world, clock)
+    return simulated.create(
+        simulated.Parameters(encoder_rad_per_count=ENCODER_RAD_PER_COUNT, surroundings=around, **changes)
+    )
+
+
+def surroundings(world: ShakyWorld, clock: Clock, start_rad: FloatArray = READY_RAD) -> simulated.Surroundings:
+    return simulated.Surroundings(
+        kinematics=KINEMATICS, limits=LIMITS, clock=clock, world=world, start_rad=np.asarray(start_rad)
+    )
+
+
+def replayed(states: list[JointState]) -> recorded.RecordedArm:
+    around = recorded.Surroundings(kinematics=KINEMATICS, limits=LIMITS, states=states)
+    return recorded.create(recorded.Parameters(surroundings=around))
 
 
 def test_a_perfect_arm_arrives_after_the_time_of_the_move_and_the_rest() -> None:
@@ -113,7 +128,8 @@ def test_the_guard_sees_start_and_target_and_may_refuse() -> None:
         seen.extend([start, target])
         raise SafetyStopError("the wrist would be inside the table")
 
-    arm = simulated.create(KINEMATICS, ShakyWorld(0.0), Clock(), LIMITS, READY_RAD, guard=guard)
+    around = replace(surroundings(ShakyWorld(0.0), Clock()), guard=guard)
+    arm = simulated.create(simulated.Parameters(surroundings=around))
     with pytest.raises(SafetyStopError, match="table"):
         arm.move_to(TARGET)
     assert_allclose(seen, [READY_RAD, TARGET])
@@ -121,8 +137,9 @@ def test_the_guard_sees_start_and_target_and_may_refuse() -> None:
 
 
 def test_a_start_outside_the_limits_is_refused() -> None:
+    around = surroundings(ShakyWorld(0.0), Clock(), np.radians([0, 300.0, -90, 0, 0, 0]))
     with pytest.raises(SafetyStopError, match="joint 2"):
-        simulated.create(KINEMATICS, ShakyWorld(0.0), Clock(), LIMITS, np.radians([0, 300.0, -90, 0, 0, 0]))
+        simulated.create(simulated.Parameters(surroundings=around))
 
 
 @pytest.mark.parametrize(
@@ -135,12 +152,12 @@ def test_parameters_out_of_their_limits_are_refused(change: dict) -> None:
 
 def test_a_recorded_arm_replays_its_states_in_order() -> None:
     states = [JointState(READY_RAD + 0.1 * i, 10.0 + i) for i in range(3)]
-    with recorded.create(KINEMATICS, states) as arm:
+    with replayed(states) as arm:
         assert arm.joint_state() is states[0]
         assert arm.move_to(READY_RAD + 0.1005) is states[1]
         with pytest.raises(DeviceError, match="recorded state 2 has joint"):
             arm.move_to(READY_RAD)
-        with pytest.raises(DeviceError):
+        with pytest.raises(SafetyStopError):
             arm.move_to(np.full(6, np.nan))
         assert arm.move_to(READY_RAD + 0.2) is states[2]
         with pytest.raises(DeviceError, match="ends after 3"):
@@ -149,6 +166,6 @@ def test_a_recorded_arm_replays_its_states_in_order() -> None:
 
 def test_a_recording_must_fit_the_arm() -> None:
     with pytest.raises(DataError):
-        recorded.create(KINEMATICS, [])
+        replayed([])
     with pytest.raises(DataError, match="5 joints"):
-        recorded.create(KINEMATICS, [JointState(np.zeros(5), 0.0)])
+        replayed([JointState(np.zeros(5), 0.0)])

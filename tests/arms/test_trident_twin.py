@@ -11,13 +11,14 @@ from numpy.testing import assert_allclose
 sys.path.insert(0, str(Path(__file__).parent))
 from trident_bench import KINEMATICS, TARGET, Clock
 
+from surfuse import registry
 from surfuse.arm_models.puma560 import LIMITS, READY_RAD
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.commands.servo.servo_study import scan_joints, servo_study
 from surfuse.errors import ConfigError, StorageError, UsageError
 from surfuse.motion.planners import jerk_limited, torque_limited, trapezoidal
 from surfuse.records import ByteArray, CameraModel, FloatArray, SensorSpec
-from surfuse.rig.simulated.servo_arm import LAWS, ServoTwinArm, build_servo_arm, control_law, known_model
+from surfuse.rig.simulated.servo_arm import ServoTwinArm, build_servo_arm, control_law, known_model
 from surfuse.settings import load
 
 
@@ -77,14 +78,13 @@ def test_all_planners_end_where_they_should() -> None:
 
 
 def test_laws_have_names() -> None:
-    for name in LAWS:
+    for name in registry.names("control_laws"):
         assert control_law(name, known_model()).name == name
     with pytest.raises(UsageError, match="did you mean 'computed_torque'"):
         control_law("computed_torqe", known_model())
 
 
 def test_the_study_shows_what_the_cards_were_bought_for(tmp_path: Path) -> None:
-    pytest.importorskip("toppra")
     outcome = servo_study(load(), tmp_path / "study", 4, SilentWatcher())
     ratios = outcome.summary["ratios"]
     assert isinstance(ratios, dict)
@@ -92,7 +92,7 @@ def test_the_study_shows_what_the_cards_were_bought_for(tmp_path: Path) -> None:
     assert ratios["scan time saved, rest 0.15 s"] > 0.3
     assert ratios["smooth pass / new start-stop"] < 0.25
     written = json.loads((tmp_path / "study" / "servo_study.json").read_text())
-    assert len(written["tracking"]) == 2 * 2 * len(LAWS)
+    assert len(written["tracking"]) == 2 * 2 * len(registry.names("control_laws"))
     assert (tmp_path / "study" / "servo_study.svg").read_text().startswith("<svg xmlns=")
     with pytest.raises(StorageError, match="exists already"):
         servo_study(load(), tmp_path / "study", 4, SilentWatcher())

@@ -1,6 +1,6 @@
 """A PUMA 560 behind a simulated servo card, for the tests of cards, servo and driver."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -8,11 +8,12 @@ from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, Puma5
 from surfuse.arm_models.puma560_dynamics import FIXTURE, loaded_puma560
 from surfuse.arms import trident
 from surfuse.geometry.poses import pose
-from surfuse.motion.control.computed_torque import ComputedTorque
-from surfuse.motion.control.law import ControlLaw
+from surfuse.motion.arm_surroundings import Guard
+from surfuse.motion.control_law import ControlLaw
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trapezoid import TrapezoidalMove
 from surfuse.records import FloatArray
+from surfuse.rig.simulated.servo_arm import control_law
 from surfuse.servo_cards.calibration import Calibration
 from surfuse.servo_cards.scales import CardScales
 from surfuse.twin.dynamics.plant import ArmPlant
@@ -42,20 +43,31 @@ def trapezoid(start: FloatArray, end: FloatArray) -> TrapezoidalMove:
 
 @dataclass
 class Bench:
-    law: ControlLaw = field(default_factory=lambda: ComputedTorque(MODEL))
+    law: ControlLaw = field(default_factory=lambda: control_law("computed_torque", MODEL))
     truth: ArmDynamics = MODEL
     start: FloatArray = field(default_factory=lambda: READY_RAD.copy())
     reference: Calibration | FloatArray | None = None
     parameters: trident.Parameters = STANDARD
     card_parameters: CardParameters = CARD
-    guard: trident.Guard | None = None
+    guard: Guard | None = None
 
     def __post_init__(self) -> None:
         self.clock = Clock()
         self.plant = ArmPlant(self.truth, self.start, LIMITS.lower_rad, LIMITS.upper_rad)
         rng = np.random.default_rng(0)
         self.card = SimulatedCard(self.plant, CardScales(), self.clock, rng, self.card_parameters)
-        known = self.start if self.reference is None else self.reference
-        self.arm = trident.create(
-            KINEMATICS, self.card, self.clock, LIMITS, self.law, trapezoid, known, self.parameters, self.guard
+        calibrated = isinstance(self.reference, Calibration)
+        around = trident.Surroundings(
+            kinematics=KINEMATICS,
+            limits=LIMITS,
+            clock=self.clock,
+            guard=self.guard,
+            bus=self.card,
+            law=self.law,
+            planner=trapezoid,
+            standing_rad=None if calibrated else self.start if self.reference is None else self.reference,
         )
+        self.arm_parameters = replace(self.parameters, surroundings=around)
+        if calibrated:
+            self.arm_parameters = replace(self.arm_parameters, calibration=self.reference)
+        self.arm = trident.create(self.arm_parameters)

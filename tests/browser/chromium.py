@@ -25,6 +25,7 @@ FLAGS = (
     "--remote-debugging-port=0",
     "--remote-allow-origins=*",
 )
+PATIENCE_S = 300.0  # bounds a hang; nothing waits so long for an answer that comes
 
 
 def executable() -> str | None:
@@ -47,13 +48,13 @@ class Chromium:
         command = [executable(), *FLAGS, f"--user-data-dir={self.folder}", "about:blank"]
         self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         told = self.folder / "DevToolsActivePort"
-        end = time.monotonic() + 30.0
+        end = time.monotonic() + PATIENCE_S
         while not (told.exists() and "\n" in told.read_text()):
             if time.monotonic() > end:
                 raise TimeoutError("Chromium does not answer")
             time.sleep(0.05)
         port = int(told.read_text().splitlines()[0])
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=10) as answer:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=PATIENCE_S) as answer:
             tab = next(one for one in json.load(answer) if one["type"] == "page")
         # No keepalive: its thread draws from the global `random`, which hypothesis watches in tests that run later.
         self.socket = connect(tab["webSocketDebuggerUrl"], max_size=None, ping_interval=None)
@@ -64,7 +65,7 @@ class Chromium:
     def __exit__(self, *_: object) -> None:
         self.socket.close()
         self.process.terminate()
-        self.process.wait(timeout=20)
+        self.process.wait(timeout=PATIENCE_S)
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def ask(self, method: str, **parameters: object) -> dict:
@@ -73,7 +74,7 @@ class Chromium:
         mine = self.count
         self.socket.send(json.dumps({"id": mine, "method": method, "params": parameters}))
         while True:
-            heard = json.loads(self.socket.recv(timeout=60))
+            heard = json.loads(self.socket.recv(timeout=PATIENCE_S))
             if heard.get("id") == mine:
                 assert "error" not in heard, heard
                 return heard["result"]
@@ -88,7 +89,7 @@ class Chromium:
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.ask("Emulation.setEmulatedMedia", features=[scheme])
         self.ask("Page.navigate", url=path.as_uri())
-        end = time.monotonic() + 30.0
+        end = time.monotonic() + PATIENCE_S
         while self.run("document.readyState") != "complete" or self.run("location.href") == "about:blank":
             assert time.monotonic() < end
             time.sleep(0.05)

@@ -24,7 +24,10 @@ def test_found_devices_are_told_with_what_to_do(tmp_path):
     assert rows[f"camera {tmp_path / 'dev' / 'video0'}"] == "no name"
     assert "plug-in iio, model 'vl53l1x'" in rows[f"iio {iio}"]
     assert "virtual" in rows["python-can"]
+    assert rows["sensor driver iio"].startswith("rangers behind the Linux industrial I/O files")
+    assert "needs the package" not in rows["camera driver recorded"]
     data = json.loads(json.dumps(finite(outcome.summary)))
+    assert {one["name"] for one in data["drivers"]["arms"]} >= {"recorded", "simulated", "trident", "ur_rtde"}
     assert data["can_adapters"][0]["channel"] == "can0"
     assert data["iio_devices"][0]["model"] == "vl53l1x"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surfuse.commands.fuse.fuse_log import grid_of
+from surfuse.commands.fuse.map_of_log import grid_of
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import Readings, SensorSpec
 from surfuse.runs.scan_log import ScanLog

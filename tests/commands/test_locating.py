@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from surfuse.acquire.search import SearchResult
+from surfuse.acquisition.search import SearchResult
+from surfuse.commands.acquire.acquisition import acquire
 from surfuse.commands.acquire.locating import _wanted, locate
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import DataError
@@ -82,3 +83,13 @@ def test_a_part_that_is_not_there_is_an_error_that_names_those_that_are(second):
         _wanted(found, 3)
     with pytest.raises(DataError, match="no part seen in 3 pictures"):
         _wanted(SearchResult((), (-1.0, 0.0, 1.0), part.frame), 1)
+
+
+@pytest.mark.parametrize(("number", "width"), [(1, 0.12), (2, 0.08)])
+def test_a_part_is_scored_with_its_own_truth_alone(two_boxes, tmp_path, number, width):
+    how = [f"scene.name={two_boxes}", "arm.driver=kinematic", "scene.azimuth_deg=20", "scan.step_m=0.02"]
+    settings = load(None, [*how, f"search.part={number}", "search.increment_deg=30", 'fusion.method="mean"'])
+    outcome = acquire(settings, tmp_path / "run", SilentWatcher())
+    assert outcome.summary["coverage"] > 0.6
+    mesh = trimesh.load_mesh(tmp_path / "run" / "truth.ply")
+    assert sorted(mesh.bounding_box_oriented.extents)[1] == pytest.approx(width, abs=0.004)

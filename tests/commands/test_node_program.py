@@ -3,6 +3,7 @@
 import json
 import math
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -13,9 +14,10 @@ import pytest
 
 from surfuse.commands.machine.node_program import node, read_node_file
 from surfuse.errors import ConfigError, DeviceError
+from surfuse.interfaces import MonotonicClock
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
-from surfuse.node.firmware import MonotonicClock, Node
+from surfuse.node.firmware import Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import CanFrame
 from surfuse.node.responder import NodeIdentity, Responder
@@ -28,19 +30,30 @@ from surfuse.rig.simulated.tethered_sensors import TetheredSensors
 from surfuse.settings import load
 from surfuse.twin.tether import HostEnd, NodeEnd, Place
 
-PORT, TETHER = 43_279, 43_280
+
+def free_port(kind):
+    """A port that nobody uses now: two runs of the tests on one machine must not meet."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("", 0))
+        return probe.getsockname()[1]
+
+
+PORT, TETHER = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
 COMMAND = [sys.executable, "-c", "from surfuse.cli import main; main()", "node"]
 COMMAND += ["--port", str(PORT), "--tether-port", str(TETHER), "--json"]
 
 
 def multicast_works():
     pytest.importorskip("msgpack")
-    bus, clock = BusParameters("udp_multicast", "239.74.163.2", options=(("port", PORT + 7),)), MonotonicClock()
+    bus, clock = (
+        BusParameters("udp_multicast", "239.74.163.2", options=(("port", free_port(socket.SOCK_DGRAM)),)),
+        MonotonicClock(),
+    )
     try:
         ends = [BusLink(lambda: open_bus(bus), clock, Tally()) for _ in range(2)]
         with ends[0], ends[1]:
             ends[0].send(CanFrame(0x7EF, b"probe"))
-            return ends[1].receive(1.0) is not None
+            return ends[1].receive(10.0) is not None
     except DeviceError:
         return False
 
@@ -70,15 +83,15 @@ def test_a_node_in_another_process_gives_the_same_numbers_and_ends_cleanly():
     if not multicast_works():
         pytest.skip("this machine does not pass multicast on loopback")
     process = subprocess.Popen(COMMAND, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    udp = ("bus.interface=udp_multicast", f"bus.port={PORT}", f"bus.tether_port={TETHER}", "bus.connect_timeout_s=300")
     try:
         assert "4 simulated sensors" in process.stderr.readline()
-        over_udp = readings("bus.interface=udp_multicast", f"bus.port={PORT}", f"bus.tether_port={TETHER}")
-        again = readings("bus.interface=udp_multicast", f"bus.port={PORT}", f"bus.tether_port={TETHER}")
-        udp = ("bus.interface=udp_multicast", f"bus.port={PORT}", f"bus.tether_port={TETHER}")
+        over_udp = readings(*udp)
+        again = readings(*udp)
         together = readings("array.trigger=simultaneous", *udp)
     finally:
         process.send_signal(signal.SIGINT)
-        printed, errors = process.communicate(timeout=20)
+        printed, errors = process.communicate(timeout=300)
     assert (process.returncode, errors) == (0, "")
     assert json.loads(printed)["sensors"] == ["us0", "us1", "us2", "us3"]
     plain = readings("bus.interface=none")
@@ -121,7 +134,7 @@ def test_a_node_that_comes_back_is_configured_again_and_told_the_same_place():
 
     with end(0, "first") as first:
         port = first.port
-        host = HostEnd(port, {"seed": 3}, place, return_s=10.0)
+        host = HostEnd(port, {"seed": 3}, place, return_s=300.0)
         with ExitStack() as opening:
             opening.enter_context(host)
             host.tell()
@@ -193,7 +206,7 @@ def test_a_simulated_node_that_is_started_again_changes_no_number(when):
     with nodes:
         port = nodes.enter_context(NodeHere(bus, 0, session=1)).line.port
         line = Line(port, settings.model_dump(), told)
-        with elsewhere(fixture, bus, 1, 5.0, line, clock, together=False) as array:
+        with elsewhere(fixture, bus, 1, 300.0, line, clock, together=False) as array:
             first = array.sweep()
             stop[0] = 1
             if when == "between two sweeps":

@@ -263,7 +263,7 @@ def test_console_script(tmp_path):
     image = saved(tmp_path / "disc.png", disc()[0])
     code = "from surfuse.cli import main; main()"
     command = [sys.executable, "-c", code, "outline", str(image), "--scale", "1", "--out", str(tmp_path / "o.csv")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=500, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert (tmp_path / "o.png").exists()
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from surfuse.commands.judge.evaluation import edge_m, edge_of, evaluate, has_step, read_truth, score_data, score_rows
+from surfuse.commands.judge.evaluation import edge_m, edge_of, evaluate, has_step, score_data, score_rows
+from surfuse.commands.judge.truth_files import read_truth
 from surfuse.errors import DataError, StorageError
 from surfuse.exporters import nc
 from surfuse.geometry.poses import pose, rotation_about, transform_points

@@ -52,6 +52,12 @@ def test_a_known_lag_comes_back_within_its_interval(tmp_path: Path) -> None:
     assert told["residual_before_mm"] > 3.0 * told["residual_after_mm"]
 
 
+def test_one_plane_explains_a_plane(tmp_path: Path) -> None:
+    """More planes always fit the noise a little better: they must pay for their number."""
+    told = sync(moving_log(tmp_path / "log.csv"), None, 300.0, SilentWatcher()).summary
+    assert told["surface"] == "a plane"
+
+
 def test_wild_readings_do_not_move_the_lag(tmp_path: Path) -> None:
     told = sync(moving_log(tmp_path / "log.csv", wild=0.15), None, 300.0, SilentWatcher()).summary
     assert told["lag_ms"] == pytest.approx(1e3 * LAG_S, abs=5.0)

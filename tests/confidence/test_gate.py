@@ -7,10 +7,10 @@ import pytest
 
 from surfuse.confidence.gate import GateParameters, limits_of, validate, without_needless_vertices
 from surfuse.errors import ConfigError
-from surfuse.fusing.columns import empty_points, scan_of_sweep
 from surfuse.geometry.polygons import signed_distance
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FusionScene, Gate, Outline, SensorSpec, Status, Sweep
+from surfuse.records.kernel_columns import empty_points, scan_of
 
 SPEC = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 0.0003)
 BOX = Outline(np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]), np.eye(4))
@@ -40,7 +40,7 @@ def codes(
     scene = FusionScene((SPEC,) * n, np.eye(4), outline, depth_max_m)
     out, value = empty_points(1, n), np.full(n, np.nan)
     limits = limits_of(scene, parameters or GateParameters())
-    validate(scan_of_sweep(sweep), limits, (0, 1), out.gate, value, np.empty(n), np.empty(n))
+    validate(scan_of(sweep), limits, (0, 1), out.gate, value, np.empty(n), np.empty(n))
     return out.gate.tolist(), value
 
 
@@ -79,6 +79,38 @@ def test_only_what_is_clearly_outside_is_refused() -> None:
     assert codes([0.43] * 6, position=position, outline=None)[0] == [Gate.PASSED] * 6
     strict = GateParameters(gate_footprints=0.0, gate_allowance_m=0.0)
     assert codes([0.43] * 6, position=position, parameters=strict)[0] == [Gate.PASSED] * 2 + [Gate.OUTSIDE_PART] * 4
+
+
+def test_the_outline_is_that_of_the_part_before_its_margin() -> None:
+    enlarged = Outline(BOX.vertices_m * 1.2, np.eye(4), margin_m=0.02)
+    position = np.column_stack([np.linspace(-0.2, 0.2, 81), np.zeros(81), np.full(81, 0.43)])
+    assert codes([0.43] * 81, position=position, outline=enlarged)[0] == codes([0.43] * 81, position=position)[0]
+
+
+def test_inside_a_hole_nothing_is_on_the_part_whichever_hole_it_is() -> None:
+    square = 0.01 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    holed = Outline(BOX.vertices_m, np.eye(4), holes_m=tuple(square + np.array([u, 0.0]) for u in (-0.06, 0.06)))
+    position = np.column_stack([[-0.06, 0.0, 0.06], np.zeros(3), np.full(3, 0.43)])
+    strict = GateParameters(gate_footprints=0.0, gate_allowance_m=0.0)
+    got, _ = codes([0.43] * 3, position=position, outline=holed, parameters=strict)
+    assert got == [Gate.OUTSIDE_PART, Gate.PASSED, Gate.OUTSIDE_PART]
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 40.0])
+def test_sigma_is_the_stated_one_or_the_sensor_s_seen_along_the_grip_axis(tilt_deg: float) -> None:
+    tilt = math.radians(tilt_deg)
+    stated = np.array([0.002, 0.0007, math.nan, math.inf, -0.001, 0.0])
+    sweep = Sweep(
+        stop=0, row=0, world_from_grip=FACING, t_s=np.zeros(6), sensor=np.arange(6),
+        position_m=np.tile([0.0, 0.0, 0.43], (6, 1)), axis=np.tile([math.sin(tilt), 0.0, -math.cos(tilt)], (6, 1)),
+        range_m=np.full(6, 0.43), status=np.zeros(6), amplitude=np.ones(6), spread_m=np.full(6, np.nan),
+        count=np.ones(6), sigma_m=stated,
+    )  # fmt: skip
+    limits = limits_of(FusionScene((SPEC,) * 6, np.eye(4)), GateParameters())
+    out, sigma = empty_points(1, 6), np.empty(6)
+    validate(scan_of(sweep), limits, (0, 1), out.gate, np.empty(6), sigma, np.empty(6))
+    known = np.where((stated > 0.0) & np.isfinite(stated), stated, SPEC.sigma_m)
+    np.testing.assert_allclose(sigma, known * math.cos(tilt))
 
 
 def test_footprint_is_where_the_surface_was_met() -> None:

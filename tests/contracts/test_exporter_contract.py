@@ -11,11 +11,13 @@ import pytest
 from surfuse import registry
 from surfuse.errors import DataError, StorageError
 from surfuse.geometry.poses import pose, rotation_about
+from surfuse.map_files.placement import placement_of
 from surfuse.records import MapGrid, SurfaceMap
 
 _NEEDS = {"sdf": "sdfio", "x3p": "x3pio"}
 NAMES = registry.names("exporters")
-READABLE = [name for name in NAMES if name not in ("ply", "glb", "stl", "obj", "png")]
+WRITTEN_ONLY = ("ply", "glb", "stl", "obj", "png")
+READABLE = [name for name in NAMES if name not in WRITTEN_ONLY]
 
 
 def plug_in(name: str):
@@ -51,6 +53,33 @@ def test_the_plug_in_says_what_it_is(name):
     assert isinstance(module.MARKS_PRIOR, bool)
     assert len(module.SUMMARY) < 90
     assert list(inspect.signature(module.write).parameters)[:3] == ["path", "surface", "overwrite"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_reads_its_files_or_says_why_not(name):
+    offered = vars(plug_in(name))
+    assert ("read" in offered) != ("NOT_READ" in offered)
+    assert ("read" in offered) == (name not in WRITTEN_ONLY)
+    if "read" in offered:
+        assert list(inspect.signature(offered["read"]).parameters) == ["path"]
+    else:
+        assert 10 < len(offered["NOT_READ"]) < 90
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("csv", "nc", "png")])
+def test_it_says_where_its_part_frame_lies(name, tmp_path):
+    module, original = plug_in(name), surface()
+    path = tmp_path / f"map{module.SUFFIXES[0]}"
+    module.write(path, original)
+    if name in READABLE:
+        grid = module.read(path).grid
+        assert np.allclose(grid.world_from_part, original.grid.world_from_part, rtol=0, atol=1e-12)
+        assert np.allclose(grid.u_m, original.grid.u_m, rtol=0, atol=1e-12)
+        assert np.allclose(grid.v_m, original.grid.v_m, rtol=0, atol=1e-12)
+    else:
+        found = placement_of(path)
+        assert found is not None
+        assert np.allclose(found.world_from_part, original.grid.world_from_part, rtol=0, atol=1e-6)
 
 
 def test_no_suffix_belongs_to_two_formats():

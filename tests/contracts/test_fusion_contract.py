@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from surfuse import fusion
+from surfuse.commands.fuse.map_of_result import surface_of
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.interfaces import FusionMethod
 from surfuse.records import (
@@ -19,9 +25,11 @@ from surfuse.records import (
     Outline,
     Readings,
     SensorSpec,
+    SurfaceMap,
     Sweep,
     readings_from_sweeps,
 )
+from surfuse.records.columns import same
 from surfuse.registry import load, names
 
 SPEC = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 0.0003, frequency_hz=63e3, aperture_m=0.04)
@@ -32,7 +40,27 @@ GRID = MapGrid((np.arange(11) - 5) * 0.01, (np.arange(7) - 3) * 0.01, np.eye(4))
 COLUMNS = [field.name for field in dataclasses.fields(FusedPoints)]
 
 
-@pytest.fixture(params=names("fusion"))
+CONTRIBUTING = Path(__file__).parents[2] / "CONTRIBUTING.md"
+CONTRIBUTED = "steady"
+"""The method that CONTRIBUTING shows: its very text is held to the same laws."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def contributed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The method of CONTRIBUTING as a file of the plug-in folder."""
+    folder = tmp_path_factory.mktemp("fusion")
+    blocks = re.findall(r"```python\n(.*?)```", CONTRIBUTING.read_text(encoding="utf-8"), re.DOTALL)
+    text = next(block for block in blocks if "per_stop" in block)
+    (folder / f"{CONTRIBUTED}.py").write_text(text, encoding="utf-8")
+    fusion.__path__.append(str(folder))
+    names.cache_clear()
+    yield
+    fusion.__path__.remove(str(folder))
+    sys.modules.pop(f"surfuse.fusion.{CONTRIBUTED}", None)
+    names.cache_clear()
+
+
+@pytest.fixture(params=(*names("fusion"), CONTRIBUTED))
 def method(request: pytest.FixtureRequest) -> FusionMethod:
     module = load("fusion", request.param)
     return module.create(module.Parameters())
@@ -41,7 +69,8 @@ def method(request: pytest.FixtureRequest) -> FusionMethod:
 def sweep_at(stop: int, u: float, v: float, row: int, ranges: list[float], sensors: list[int] | None = None) -> Sweep:
     sensor = list(range(len(ranges))) if sensors is None else sensors
     n = len(sensor)
-    position = np.column_stack([CORNERS[sensor] + [u, v], np.full(n, 0.43)]) if n else np.zeros((0, 3))
+    corner = CORNERS[np.array(sensor, dtype=np.int64) % 4]
+    position = np.column_stack([corner + np.array([u, v]), np.full(n, 0.43)]) if n else np.zeros((0, 3))
     r = np.array(ranges, dtype=np.float64)
     return Sweep(
         stop=stop, row=row, world_from_grip=pose(rotation_about([1, 0, 0], np.pi), [u, v, 0.43]),
@@ -132,6 +161,20 @@ def test_live_and_replayed_fusion_agree_to_the_last_bit(method: FusionMethod, se
             assert getattr(surface, name).tobytes() == getattr(other, name).tobytes(), name
 
 
+def test_live_and_replayed_fusion_agree_with_many_sensors(method: FusionMethod) -> None:
+    """Sums of many readings are where the order of adding shows."""
+    rng = np.random.default_rng(3)
+    scene = dataclasses.replace(SCENE, specs=(SPEC,) * 13)
+    sweeps = []
+    for stop, u in enumerate(GRID.u_m):
+        heard = rng.random(13) < (1.0 if stop == 4 else 0.9)
+        ranges = np.where(heard, 0.43 + rng.normal(0, 3e-4, 13), np.inf)
+        sweeps.append(sweep_at(stop, float(u), 0.0, 0, ranges.tolist(), list(range(13))))
+    finished, replayed = live(method, readings_from_sweeps(scene.specs, sweeps), scene)
+    for name in COLUMNS:
+        assert getattr(finished, name).tobytes() == getattr(replayed, name).tobytes(), name
+
+
 def test_finish_may_be_asked_in_between(method: FusionMethod) -> None:
     readings = scan()
     state = method.start(SCENE)
@@ -217,3 +260,81 @@ def test_facing_plate_is_found_within_the_noise(method: FusionMethod) -> None:
     value = points.gap == Gap.NONE
     assert value.mean() > 0.9
     assert np.abs(points.point_m[value, 2]).max() < 0.0015
+
+
+LASERS = dataclasses.replace(
+    SCENE, specs=(SensorSpec("beam of light", "laser", 0.2, 1.2, 0.01, 0.0003),) * 4
+)  # along its axis: what a tilted plate reads needs no model of the echo
+STATED = 0.0003
+UNWEIGHTED = {
+    "arc_median": "a median",
+    "carving": "a quantile",
+    "directional_maximum": "a count of votes",
+    "mean": "the plain average",
+    "median": "a median",
+    "own_axis_median": "a median",
+    "single_sensor": "one reading a stop",
+    "weighted_average": "the paper's three factors and no other",
+}
+"""Methods that cannot give a reading less weight for its stated sigma, and what they are instead."""
+
+
+def plane(slope: float, scene: FusionScene, seed: int = 0) -> Readings:
+    """Readings of a plate that rises along u, along the axes."""
+    rng = np.random.default_rng(seed)
+    sweeps = []
+    for row, v in enumerate(GRID.v_m):
+        for u in GRID.u_m:
+            ranges = 0.43 - slope * (CORNERS[:, 0] + u) + rng.normal(0, STATED, 4)
+            sweeps.append(sweep_at(len(sweeps), float(u), float(v), row, ranges.tolist()))
+    return readings_from_sweeps(scene.specs, sweeps)
+
+
+def mapped(method: FusionMethod, scene: FusionScene, readings: Readings) -> tuple[FusedPoints, SurfaceMap]:
+    result = method.replay(scene, readings, GRID)
+    return result.points, surface_of(result, GRID, method.name, scene.outline)
+
+
+@pytest.mark.parametrize(("slope", "scene"), [(0.0, SCENE), (0.2, LASERS)], ids=["facing", "tilted"])
+def test_a_larger_stated_sigma_makes_no_part_of_the_map_surer(
+    method: FusionMethod, slope: float, scene: FusionScene
+) -> None:
+    readings = plane(slope, scene)
+    before, surer = mapped(method, scene, readings)
+    for factor in (2.0, 5.0):
+        stated = dataclasses.replace(readings, sigma_m=np.full(readings.n_readings, factor * STATED))
+        after, wider = mapped(method, scene, stated)
+        both = surer.mask & wider.mask
+        assert both.sum() > 0.9 * surer.mask.sum()
+        assert np.all(wider.sigma_m[both] >= surer.sigma_m[both] * (1.0 - 1e-9))
+        value = (before.gap == Gap.NONE) & (after.gap == Gap.NONE)
+        assert np.all(after.sigma_m[value] >= before.sigma_m[value] * (1.0 - 1e-9))
+        before, surer = after, wider
+    if slope == 0.0:
+        # On the tilted plate the sensors of a stop contradict each other by more than any stated sigma.
+        plain, first = mapped(method, scene, readings)
+        assert np.median(surer.sigma_m[surer.mask]) > 1.02 * np.median(first.sigma_m[first.mask])
+        assert np.nanmedian(before.sigma_m) > 1.02 * np.nanmedian(plain.sigma_m)
+
+
+def test_sigma_of_the_sensor_is_meant_where_the_log_states_none(method: FusionMethod) -> None:
+    readings = plane(0.0, SCENE)
+    points, surface = mapped(method, SCENE, readings)
+    stated = mapped(method, SCENE, dataclasses.replace(readings, sigma_m=np.full(readings.n_readings, STATED)))
+    assert stated[0] == points
+    assert same(stated[1].height_m, surface.height_m)
+    assert same(stated[1].sigma_m, surface.sigma_m)
+
+
+def test_a_sensor_that_states_a_larger_sigma_weighs_less(method: FusionMethod) -> None:
+    """One of four reads 1.5 mm too far: saying that it is no better than that takes its bias out of the map."""
+    readings = plane(0.0, SCENE)
+    lying = readings.sensor == 1
+    readings = dataclasses.replace(readings, range_m=readings.range_m + np.where(lying, 0.0015, 0.0))
+
+    def bias_m(stated_m: float) -> float:
+        _, surface = mapped(method, SCENE, dataclasses.replace(readings, sigma_m=np.where(lying, stated_m, STATED)))
+        return abs(float(np.mean(surface.height_m[surface.mask])))
+
+    silent, honest = bias_m(STATED), bias_m(10.0 * STATED)
+    assert honest < 0.9 * silent if method.name not in UNWEIGHTED else honest <= silent * (1.0 + 1e-9)

@@ -16,6 +16,7 @@ import trimesh
 from surfuse.errors import DataError
 from surfuse.exporters import csv, glb, nc, obj, ply, png, stl
 from surfuse.geometry.poses import pose, rotation_about
+from surfuse.map_files.heights import equal_step
 from surfuse.map_files.triangles import mesh_of
 from surfuse.records import FusedPoints, MapGrid, Regime, SurfaceMap
 
@@ -261,6 +262,31 @@ def test_the_png_heights_are_within_half_a_grey_level(tmp_path):
         (length,) = struct.unpack_from(">I", content, at)
         assert zlib.crc32(content[at + 4 : at + 8 + length]) == struct.unpack_from(">I", content, at + 8 + length)[0]
         at += 12 + length
+
+
+@pytest.mark.parametrize("off_m", [1e-9, -1e-9, 1e-7, -1e-7, 2e-3])
+def test_steps_are_equal_to_a_millionth(off_m):
+    nodes = 0.1 + 0.01 * np.arange(8)
+    nodes[3] += off_m
+    if abs(off_m) < 1e-8:
+        assert equal_step(nodes, "u") == pytest.approx(0.01)
+    else:
+        with pytest.raises(DataError, match="steps along u differ"):
+            equal_step(nodes, "u")
+
+
+WRONG = [*((5, text) for text in ("-1", "1.5", "inf")), *((6, text) for text in ("-1", "256", "0.5", "nan"))]
+
+
+@pytest.mark.parametrize(("column", "value"), WRONG)
+def test_counts_and_regimes_of_a_csv_map_are_whole_and_no_others(tmp_path, column, value):
+    csv.write(tmp_path / "m.csv", surface())
+    head, names, first, *rest = (tmp_path / "m.csv").read_text().splitlines()
+    cells = first.split(",")
+    cells[column] = value
+    (tmp_path / "m.csv").write_text("\n".join([head, names, ",".join(cells), *rest]) + "\n")
+    with pytest.raises(DataError):
+        csv.read(tmp_path / "m.csv")
 
 
 def test_formats_with_one_step_refuse_unequal_steps(tmp_path):

@@ -10,12 +10,12 @@ from numpy.testing import assert_allclose
 sys.path.insert(0, str(Path(__file__).parents[1] / "arms"))
 from trident_bench import KINEMATICS, MODEL, TARGET, Bench
 
-from surfuse.acquire.scan import scan
+from surfuse.acquisition.scan import scan
 from surfuse.arm_models.puma560 import LIMITS, READY_RAD
 from surfuse.arm_models.puma560_dynamics import FIXTURE, extra_load, loaded_puma560
 from surfuse.arms import trident
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
-from surfuse.motion.control.law import Commands
+from surfuse.motion.control_law import Commands
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trapezoid import TrapezoidalMove
 from surfuse.records import Echo, Fixture, FloatArray, Outline, ScanPlan, SensorSpec, Status, Sweep

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 
 import numpy as np
 import pytest
@@ -13,7 +12,8 @@ from surfuse.commands.acquire.locating import finder
 from surfuse.records import CameraFrame, CameraModel
 from surfuse.settings import load
 
-QUICK = ("--set", "scan.step_m=0.04", "--set", "arm.driver=kinematic", "--method", "weighted_average")
+QUICK = ("--method", "weighted_average", "--arm-driver", "kinematic")
+QUICK += ("--set", "scene.azimuth_deg=-130", "--set", "scan.step_m=0.04")
 
 
 @pytest.fixture
@@ -121,9 +121,7 @@ def test_cell_files_that_cannot_be_used(command, tmp_path, untouched, text, told
     cell = tmp_path / "cell.toml"
     cell.write_text(text)
     untouched()
-    began = time.perf_counter()
     command("acquire", "--cell", cell, "--out", tmp_path / "run").error(3, str(cell), *told)
-    assert time.perf_counter() - began < 1.0
     assert not (tmp_path / "run").exists()
 
 

@@ -1,7 +1,6 @@
 """A hostile bus and hostile nodes: every fault is counted, none becomes a number, none hangs the host."""
 
 import math
-import time
 
 import numpy as np
 import pytest
@@ -472,7 +471,6 @@ def test_a_sensor_that_the_node_does_not_have_is_a_fault_at_once():
 
 
 def test_a_babbling_node_does_not_hang_the_host():
-    began_s = time.monotonic()
     rig = Rig()
 
     class Babbler(DirectLink):
@@ -489,10 +487,11 @@ def test_a_babbling_node_does_not_hang_the_host():
     link = Babbler(rig.node, rig.clock)
     array = CanArray(FIXTURE, Parameters(timeouts=QUICK), link, rig.clock, rig.tally, link.monotonic_s)
     with array:
+        began_s = link.monotonic_s()
         echoes = array.sweep()
+        assert link.monotonic_s() - began_s <= QUICK.silence_limit_s + 1.0
     assert all(echo.status is Status.FAULT for echo in echoes)
     assert array.counters.duplicated > 100
-    assert time.monotonic() - began_s < 10.0
 
 
 def test_random_frames_between_the_answers_change_nothing():

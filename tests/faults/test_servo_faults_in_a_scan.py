@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +10,7 @@ import pytest
 
 from surfuse.commands.acquire import acquisition
 from surfuse.commands.outcome import SilentWatcher
+from surfuse.commands.servo.servo_study import LAWS
 from surfuse.errors import DeviceError, SafetyStopError, SurfuseError
 from surfuse.rig.devices import Rig
 from surfuse.rig.simulated.assembly import simulated_rig
@@ -24,7 +22,7 @@ from surfuse.servo_cards import registers as reg
 from surfuse.settings import Settings, load
 from surfuse.twin.servo_card import SimulatedCard
 
-OVERRIDES = ["scene.name=flat", "scan.step_m=0.08", "array.pings=2"]
+OVERRIDES = ["scene.name=flat", "scene.azimuth_deg=-130", "scan.step_m=0.08", "array.pings=2"]
 SETTINGS = load(None, [*OVERRIDES, "fusion.method=weighted_average"])
 FAULTY_STOP = 4
 
@@ -119,24 +117,22 @@ def test_a_fault_ends_in_a_safe_stop_and_the_scan_goes_on(
 
 
 def test_a_run_behind_the_cards_that_is_killed_goes_on_to_the_same_map(
-    unbroken: Path, tmp_path: Path, map_bits: Callable[[Path], dict[str, bytes]]
+    unbroken: Path,
+    tmp_path: Path,
+    map_bits: Callable[[Path], dict[str, bytes]],
+    killed_at: Callable[..., None],
+    sweep_places: Callable[[Path], list[int]],
 ) -> None:
     run = tmp_path / "run"
     words = ["acquire", "--method", "weighted_average", "--quiet", "--out", str(run)]
     for override in OVERRIDES:
         words += ["--set", override]
-    process = subprocess.Popen([str(Path(sys.executable).with_name("surfuse")), *words])
-    while process.poll() is None and sweeps_on_disk(run) < 3:
-        time.sleep(0.02)
-    process.kill()
-    process.wait()
+    killed_at(sweep_places(unbroken)[3] + 100, *words)
+    progress = read_progress(run)
+    assert progress is not None
+    assert len(progress.done) == 3
     assert acquisition.resume(run, SilentWatcher()).complete
     assert map_bits(run) == map_bits(unbroken)
-
-
-def sweeps_on_disk(run: Path) -> int:
-    progress = read_progress(run) if (run / "log").is_dir() else None
-    return 0 if progress is None else len(progress.done)
 
 
 def test_the_kinematic_arm_gives_almost_the_same_map(unbroken: Path, tmp_path: Path) -> None:
@@ -153,8 +149,17 @@ def test_the_kinematic_arm_gives_almost_the_same_map(unbroken: Path, tmp_path: P
     assert np.nanmax(np.abs(one.height_m - other.height_m)) < 2e-3
 
 
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_can_finish_a_scan_with_its_own_tolerance(law: str, tmp_path: Path) -> None:
+    settings = SETTINGS.model_copy(update={"arm": SETTINGS.arm.model_copy(update={"law": law})})
+    outcome = acquisition.acquire(settings, tmp_path / "run", SilentWatcher())
+    assert outcome.complete
+    assert isinstance(rmse_mm := outcome.summary["rmse_mm"], float)
+    assert rmse_mm < 1.0
+
+
 def test_a_law_that_friction_keeps_from_arriving_says_so_and_scans_with_a_wider_tolerance(tmp_path: Path) -> None:
-    weak = {"law": "gravity_pd"}
+    weak = {"law": "gravity_pd", "settle_deg": 0.0115}
     settings = SETTINGS.model_copy(update={"arm": SETTINGS.arm.model_copy(update=weak)})
     with pytest.raises(
         DeviceError, match=r"joint \d is still 0\.\d+ deg from its target after 3 s, at most 0\.011 deg"

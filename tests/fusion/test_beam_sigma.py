@@ -10,11 +10,11 @@ import pytest
 from surfuse.beam_model.echo.detector import DetectorModel, beam_table
 from surfuse.beam_model.heard.stations import Stations
 from surfuse.beam_model.judge.rivals import rival_spread
-from surfuse.beam_model.map.layers import layers, speed_sigma
+from surfuse.beam_model.map.layers import external, layers, speed_sigma
 from surfuse.beam_model.prior.raster import Raster
 from surfuse.beam_model.prior.smoothness import Stiffness
 from surfuse.beam_model.search.descent import Solution
-from surfuse.beam_model.search.estimation import Estimation, arrivals, problem
+from surfuse.beam_model.search.estimation import Estimation, arrivals, deviation, problem
 from surfuse.records import FloatArray, SensorSpec
 
 TUBE = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 3e-4, frequency_hz=63e3, aperture_m=0.04)
@@ -55,6 +55,22 @@ def test_no_number_of_readings_takes_the_air_out_of_sigma() -> None:
     without, with_it = layers(exact, solution(exact, flat)).sigma_m, layers(unknown, solution(unknown, flat)).sigma_m
     assert np.median(without) < 0.3e-3
     np.testing.assert_allclose(with_it**2 - without**2, (0.43 * 0.5 / 293.15) ** 2, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("misses", "ratio"), [(0.5, 1.0), (3.0, 9.0), (10.0, 16.0)])
+def test_readings_that_miss_their_predictions_widen_sigma_around_them(misses: float, ratio: float) -> None:
+    """By how much more than they should, squared, and by sixteen at most."""
+    even = plate(TUBE, 0.0)
+    flat = solution(even, np.zeros((11, 11)))
+    sign = np.where(np.indices((11, 11)).sum(axis=0) % 2, 1.0, -1.0)
+    off_m = (sign * (np.arange(11) > 5)).ravel() * misses * deviation(even, flat.heard, 0.0)
+    torn = replace(even, stations=replace(even.stations, range_m=even.stations.range_m + off_m))
+    found = external(torn, flat)
+    np.testing.assert_allclose(found[:, :4], 1.0)
+    np.testing.assert_allclose(found[:, 8:], ratio, rtol=0.03)
+    wider = layers(torn, flat).sigma_m / layers(even, flat).sigma_m
+    assert np.all(wider[:, 8:] > 0.9 * np.sqrt(ratio))
+    assert np.all(wider[:, :4] < 1.2)
 
 
 def test_explanations_as_good_as_the_best_one_widen_sigma() -> None:

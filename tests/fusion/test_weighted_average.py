@@ -10,9 +10,9 @@ import pytest
 
 from surfuse.errors import ConfigError, DataError
 from surfuse.fusing import sweepwise
+from surfuse.fusing.median_of_sweep import median_inflation
 from surfuse.fusing.sweepwise import BLOCK
 from surfuse.fusion import mean, median, weighted_average
-from surfuse.fusion.median import median_inflation
 from surfuse.fusion.weighted_average import Parameters, create
 from surfuse.geometry.poses import inverse, pose, rotation_about
 from surfuse.records import FusedPoints, FusionScene, Gap, Gate, MapGrid, Outline, Readings
@@ -321,7 +321,7 @@ def test_prediction_holds_when_the_grip_changes_its_distance(scan: Scan) -> None
 def test_the_readings_own_sigma_is_used_where_the_log_has_one(scan: Scan) -> None:
     scene, readings = scan(lambda u, v: 0 * u, outlined=False)
     sigma = np.full(len(readings.t_s), np.nan)
-    sigma[:4], sigma[4:8] = 0.002, [0.001, 0.0, -1.0, np.inf]
+    sigma[:4], sigma[4:8] = 0.002, [0.001, 0.0, np.nan, np.inf]
     points = fuse(scene, dataclasses.replace(readings, sigma_m=sigma))
     assert points.sigma_m[0] == pytest.approx(0.001)
     assert points.sigma_m[1] == pytest.approx(math.sqrt(0.001**2 + 3 * 0.0003**2) / 4)
@@ -332,9 +332,9 @@ def test_unknown_sensor_and_foreign_state_are_refused(scan: Scan) -> None:
     scene, readings = scan(lambda u, v: 0 * u)
     method = create(Parameters())
     few = dataclasses.replace(scene, specs=scene.specs[:2])
-    with pytest.raises(DataError, match="sensor 3"):
+    with pytest.raises(DataError, match="sensor 2"):
         method.replay(few, readings, GRID)
-    with pytest.raises(DataError, match="sensor 3"):
+    with pytest.raises(DataError, match="sensor 2"):
         method.step(method.start(few), readings.sweep(0))
     with pytest.raises(DataError, match="start"):
         method.step(None, readings.sweep(0))

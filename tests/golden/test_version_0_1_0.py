@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from surfuse.commands.acquire.acquisition import resume
-from surfuse.commands.fuse.fuse_log import fused, grid_of
+from surfuse.commands.fuse.map_of_log import fused, grid_of
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.maps.map_files import read_map
 from surfuse.commands.maps.report import report

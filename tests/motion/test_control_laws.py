@@ -9,12 +9,8 @@ from numpy.testing import assert_allclose
 from surfuse.arm_models.puma560 import READY_RAD
 from surfuse.arm_models.puma560_dynamics import FIXTURE, loaded_puma560
 from surfuse.errors import ConfigError
-from surfuse.motion.control import computed_torque
-from surfuse.motion.control.computed_torque import ComputedTorque
-from surfuse.motion.control.gravity_pd import GravityPd
-from surfuse.motion.control.independent_pid import IndependentPid
-from surfuse.motion.control.law import ControlLaw, LoopGains
-from surfuse.motion.control.set_points_28ms import SetPoints28ms
+from surfuse.motion.control import computed_torque, gravity_pd, independent_pid, set_points_28ms
+from surfuse.motion.control_law import ControlLaw, LawSurroundings, LoopGains
 from surfuse.records import FloatArray
 
 MODEL = loaded_puma560(FIXTURE)
@@ -26,12 +22,13 @@ ERROR = WANTED - MEASURED
 DIAGONAL = np.diag(MODEL.inertia(READY_RAD))
 
 
+AROUND = LawSurroundings(MODEL, READY_RAD)
+
+
 def laws(gains: LoopGains = GAINS) -> list[ControlLaw]:
     return [
-        IndependentPid(MODEL, READY_RAD, gains),
-        SetPoints28ms(MODEL, READY_RAD, gains),
-        GravityPd(MODEL, READY_RAD, gains),
-        ComputedTorque(MODEL, computed_torque.Parameters(gains)),
+        plug_in.create(plug_in.Parameters(gains=gains, surroundings=AROUND))
+        for plug_in in (independent_pid, set_points_28ms, gravity_pd, computed_torque)
     ]
 
 
@@ -84,7 +81,7 @@ def test_reset_empties_the_integrators(law: ControlLaw) -> None:
 
 
 def test_errors_inside_the_dead_band_are_not_integrated() -> None:
-    law = IndependentPid(MODEL, READY_RAD, replace(GAINS, dead_band_rad=0.5))
+    law = laws(replace(GAINS, dead_band_rad=0.5))[0]
     first = ask(law)
     assert_allclose(ask(law), first, rtol=0.0)
 

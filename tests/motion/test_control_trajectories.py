@@ -10,8 +10,7 @@ from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, Puma5
 from surfuse.arm_models.puma560_dynamics import FIXTURE, JERK_RAD_S3, loaded_puma560
 from surfuse.errors import ConfigError, DataError, SafetyStopError
 from surfuse.geometry.poses import pose
-from surfuse.motion.control.law import every_tick
-from surfuse.motion.control.set_points_28ms import SetPoints28ms
+from surfuse.motion.control_law import every_tick
 from surfuse.motion.jerk_limited import JerkLimitedMove
 from surfuse.motion.limits import JointLimits
 from surfuse.motion.planners import torque_limited
@@ -19,6 +18,7 @@ from surfuse.motion.torque_limits import within_torque
 from surfuse.motion.trajectory import Trajectory
 from surfuse.motion.trapezoid import TrapezoidalMove, durations_s
 from surfuse.records import FloatArray
+from surfuse.rig.simulated.servo_arm import control_law
 
 MODEL = loaded_puma560(FIXTURE)
 KINEMATICS = Puma560(np.eye(4), pose(np.eye(3), [0.0, 0.0, 0.08 - FLANGE_OFFSET_M]))
@@ -75,6 +75,16 @@ def test_the_time_law_is_that_of_ruckig(speed: float, acceleration: float, jerk:
     assert_allclose(own, [np.ravel(found.at_time(t)) for t in times.tolist()], rtol=1e-6, atol=1e-8)
 
 
+def test_before_and_after_a_move_the_arm_rests_at_its_ends() -> None:
+    end = READY_RAD + MOVES[0]
+    for move in (JerkLimitedMove(READY_RAD, end, LIMITS, JERK_RAD_S3), torque_limited(MODEL, LIMITS)(READY_RAD, end)):
+        late = move.duration_s
+        position, speed, push = move.sample([-1.0, -1e-9, late, late + 1e-9, late + 1.0])
+        assert_allclose(position, [READY_RAD, READY_RAD, end, end, end])
+        assert not np.any(speed)
+        assert not np.any(push)
+
+
 def test_large_jerk_gives_the_trapezoid() -> None:
     move = JerkLimitedMove(READY_RAD, READY_RAD + MOVES[0], LIMITS, 1e5 * JERK_RAD_S3)
     assert move.duration_s == pytest.approx(
@@ -122,7 +132,7 @@ def test_a_posture_that_cannot_be_held_is_refused_with_joint_value_and_limit() -
 
 def test_the_old_controller_is_told_a_point_every_28_ms_with_straight_lines_between() -> None:
     move = TrapezoidalMove(READY_RAD, READY_RAD + MOVES[0], LIMITS)
-    told = SetPoints28ms(MODEL, READY_RAD).commands(move).position_rad
+    told = control_law("set_points_28ms", MODEL).commands(move).position_rad
     assert len(told) % 32 == 0
     t = 28e-3 * np.arange(1, len(told) // 32 + 1)
     assert_allclose(told[31::32], move.sample(t)[0], atol=1e-12)
@@ -131,7 +141,6 @@ def test_the_old_controller_is_told_a_point_every_28_ms_with_straight_lines_betw
 
 
 def test_a_time_optimal_pass_goes_through_every_point_within_all_limits() -> None:
-    pytest.importorskip("toppra")
     from surfuse.motion.time_optimal import PassParameters, time_optimal_pass
 
     wave = np.linspace(0.0, 1.0, 25)[:, None]
@@ -149,6 +158,21 @@ def test_a_time_optimal_pass_goes_through_every_point_within_all_limits() -> Non
     assert planned.duration_s < 0.5 * stops
 
 
+@pytest.mark.parametrize("torque_share", [0.5, 0.75, 1.0])
+def test_a_pass_that_asks_too_much_is_stretched_until_its_torques_are_just_allowed(torque_share: float) -> None:
+    pytest.importorskip("toppra")
+    from surfuse.motion.time_optimal import _torque_excess
+
+    rng = np.random.default_rng(4)
+    q = READY_RAD + rng.uniform(-0.3, 0.3, (200, 6))
+    qd, qdd = rng.uniform(-1.0, 1.0, (200, 6)), rng.uniform(-30.0, 30.0, (200, 6))
+    factor = np.sqrt(_torque_excess(q, qd, qdd, MODEL, torque_share))
+    assert factor > 1.0
+    # Friction counts as at the full speed: slower, it is less.
+    share = np.abs(MODEL.rigid_torque(q, qd / factor, qdd / factor**2) + MODEL.friction(qd)) / MODEL.torque_max_nm
+    assert share.max() == pytest.approx(torque_share, rel=1e-9)
+
+
 def test_a_hostile_pass_is_refused() -> None:
     from surfuse.motion.time_optimal import PassParameters, time_optimal_pass
 
@@ -159,7 +183,6 @@ def test_a_hostile_pass_is_refused() -> None:
 
 
 def pass_through_a_line(**how: float) -> tuple[Trajectory, FloatArray, FloatArray]:
-    pytest.importorskip("toppra")
     from surfuse.motion.time_optimal import PassParameters, time_optimal_pass
 
     points = READY_RAD + np.linspace(0.0, 1.0, 15)[:, None] * np.radians([12.0, -3.0, 4.0, 2.0, -5.0, 3.0])

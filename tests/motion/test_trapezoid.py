@@ -56,3 +56,15 @@ def test_one_limit_is_used_to_the_full() -> None:
     move = TrapezoidalMove(np.zeros(3), np.array([3.0, 1.0, 1.0]), LIMITS)
     _, speed, _ = move.sample(np.linspace(0.0, move.duration_s, 4001))
     assert np.max(np.abs(speed) / LIMITS.velocity_rad_s) == pytest.approx(1.0)
+
+
+def test_before_and_after_a_move_the_arm_rests_at_its_ends() -> None:
+    start, end = np.array([0.1, -0.2, 0.3]), np.array([2.0, 1.0, 0.5])
+    move = TrapezoidalMove(start, end, LIMITS)
+    position, speed, push = move.sample([-1.0, -1e-9, move.duration_s + 1e-9, move.duration_s + 1.0])
+    assert_allclose(position, [start, start, end, end])
+    assert not np.any(speed)
+    assert not np.any(push)
+    # Within it, the acceleration is that of the speed, and is there from the first moment to the last.
+    assert np.all(move.sample([0.0])[2] * (end - start) > 0.0)
+    assert np.all(move.sample([move.duration_s])[2] * (end - start) < 0.0)

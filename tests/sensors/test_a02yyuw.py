@@ -99,7 +99,7 @@ def test_the_driver_on_a_pseudo_terminal():
 
     talker = threading.Thread(target=talk)
     try:
-        with create(Parameters(os.ttyname(device), timeout_s=5.0)) as sensor:
+        with create(Parameters(os.ttyname(device), timeout_s=60.0)) as sensor:
             talker.start()
             echo = sensor.fire()
             stop.set()

@@ -3,10 +3,12 @@
 import errno
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from surfuse.errors import ConfigError, DeviceError
+from surfuse.interfaces import SensorSurroundings
 from surfuse.records import Status
 from surfuse.sensors.iio import MODELS, SPEC, IioRanger, Parameters, create
 
@@ -20,7 +22,8 @@ def device(tmp_path: Path, **files: str) -> Path:
 
 
 def fire(folder, model="vl53l1x", **more):
-    with create(Parameters(folder, model, **more), now_s=lambda: 12.5) as sensor:
+    around = SensorSurroundings(SimpleNamespace(now_s=lambda: 12.5))
+    with create(Parameters(folder, model, surroundings=around, **more)) as sensor:
         return sensor.fire()
 
 
@@ -87,7 +90,7 @@ class Failing(IioRanger):
 @pytest.mark.parametrize("code", [errno.EIO, errno.ETIMEDOUT, errno.EREMOTEIO])
 def test_a_read_that_fails_is_a_fault(tmp_path, code):
     folder = device(tmp_path, in_distance_raw="1", in_distance_scale="0.001")
-    with Failing(Parameters(folder, "srf04"), lambda: 0.0) as sensor:
+    with Failing(Parameters(folder, "srf04")) as sensor:
         sensor.code = code
         assert sensor.fire().status is Status.FAULT
 

@@ -34,7 +34,12 @@ def twin() -> Twin:
 
 def ranger(twin: Twin, distance: float = 0.43, spec: SensorSpec = polaroid.SPEC, **options: int):
     clock = SimulatedClock()
-    return simulated.create(spec, twin, lambda: pose(LOOK, [1.10 - distance, 0.0, 1.1]), clock, **options), clock
+    return in_the_twin(spec, twin, lambda: pose(LOOK, [1.10 - distance, 0.0, 1.1]), clock, **options), clock
+
+
+def in_the_twin(spec, twin, place, clock, **options):
+    around = simulated.Surroundings(clock=clock, spec=spec, world=twin, pose=place)
+    return simulated.create(simulated.Parameters(surroundings=around, **options))
 
 
 def test_a_simulated_ranger_reads_a_facing_plate_and_takes_its_time(twin: Twin) -> None:
@@ -62,7 +67,7 @@ def test_more_pings_make_a_quieter_reading(twin: Twin) -> None:
     ("limits", "status"), [((0.5, 4.0), Status.TOO_CLOSE), ((0.1, 0.4), Status.NO_ECHO), ((0.1, 4.0), Status.OK)]
 )
 def test_ranges_outside_the_limits_are_no_measurement(twin: Twin, limits, status: Status) -> None:
-    spec = replace(polaroid.SPEC, range_min_m=limits[0], range_max_m=limits[1])
+    spec = replace(polaroid.SPEC, range_min_m=limits[0], range_max_m=limits[1], dead_length_m=0.0)
     echo = ranger(twin, spec=spec)[0].fire()
     assert echo.status is status
     assert np.isfinite(echo.range_m) == (status is Status.OK)
@@ -86,8 +91,9 @@ class Timer:
 
 
 def fire(*times_s: float | None, **options: float) -> Echo:
-    parameters = polaroid.Parameters(pings=len(times_s), **options)
-    with polaroid.create(Timer(*times_s), SimulatedClock(), parameters=parameters) as sensor:
+    around = polaroid.Surroundings(clock=SimulatedClock(), timer=Timer(*times_s))
+    parameters = polaroid.Parameters(pings=len(times_s), surroundings=around, **options)
+    with polaroid.create(parameters) as sensor:
         assert sensor.spec is polaroid.SPEC
         return sensor.fire()
 
@@ -115,7 +121,7 @@ FIXTURE = Fixture(np.tile(np.eye(4), (4, 1, 1)), SPECS)
 def test_the_array_fires_one_after_the_other(twin: Twin) -> None:
     clock = SimulatedClock()
     there = pose(LOOK, [0.67, 0.0, 1.1])
-    sensors = [simulated.create(spec, twin, lambda: there, clock) for spec in SPECS]
+    sensors = [in_the_twin(spec, twin, lambda: there, clock) for spec in SPECS]
     with sequential.create(FIXTURE, sensors) as array:
         assert array.fixture is FIXTURE
         echoes = array.sweep()

@@ -104,12 +104,12 @@ def test_the_driver_on_a_pseudo_terminal():
 
     talker = threading.Thread(target=talk)
     try:
-        with create(Parameters(os.ttyname(device), "tfmini-plus", timeout_s=5.0)) as sensor:
+        with create(Parameters(os.ttyname(device), "tfmini-plus", timeout_s=60.0)) as sensor:
             talker.start()
             echo = sensor.fire()
             stop.set()
             talker.join()
-            assert sensor.spec.kind == "optical"
+            assert sensor.spec.kind == "tof"
     finally:
         stop.set()
         os.close(controller)

@@ -42,6 +42,15 @@ def test_score_of_a_known_error() -> None:
     assert (got.coverage, got.cells) == (1.0, 121)
 
 
+def test_a_score_is_the_statistics_of_the_errors() -> None:
+    error = np.random.default_rng(3).gamma(1.0, 0.001, (11, 11)) - 0.0007
+    got = score(map_of(lambda u, v: u + error), map_of(lambda u, v: u))
+    assert got.rmse_m == pytest.approx(np.sqrt(np.mean(error**2)))
+    assert got.mae_m == pytest.approx(np.mean(np.abs(error)))
+    assert got.bias_m == pytest.approx(np.mean(error))
+    assert got.p95_m == pytest.approx(np.percentile(np.abs(error), 95.0))
+
+
 def test_coverage_counts_the_whole_true_part_on_the_grid_of_the_map() -> None:
     truth = map_of(lambda u, v: 0 * u)
     half = map_of(lambda u, v: 0 * u, u=AXIS[AXIS < 0.001])

@@ -168,6 +168,18 @@ def test_cells_off_the_part_stay_masked() -> None:
     np.testing.assert_array_equal(surface.mask, inside)
 
 
+def test_a_node_off_the_plane_is_on_the_part_where_the_camera_saw_it() -> None:
+    box = np.array([[-0.05, 0.02], [0.05, 0.02], [0.05, 0.1], [-0.05, 0.1]])
+    outline = Outline(box, FRAME, viewpoint_m=np.array([0.0, 0.06, 1.0]))
+    uv = raster(11, 9)
+    for w, share in ((0.0, 1.0), (0.1, 1.0 / 0.9), (-0.1, 1.0 / 1.1)):
+        found = grid_points(points_at(uv, np.full(len(uv), w)), lattice(uv, FRAME), "test", outline).mask
+        seen = [0.0, 0.06] + share * (uv - [0.0, 0.06])
+        seen[:, 1] = np.maximum(seen[:, 1], 0.02)  # below its foot there is only the table
+        inside = np.all((seen >= box.min(axis=0) - 1e-9) & (seen <= box.max(axis=0) + 1e-9), axis=1)
+        np.testing.assert_array_equal(found.ravel(), inside)
+
+
 def test_outline_in_another_frame_and_its_margin() -> None:
     grid = lattice(raster(9, 7), FRAME)
     box = np.array([[-0.03, 0.02], [0.0, 0.02], [0.0, 0.05], [-0.03, 0.05]])

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from surfuse.cli import main
-from surfuse.commands.fuse.fuse_log import grid_of
-from surfuse.commands.judge.evaluation import edge_truth, read_truth
+from surfuse.commands.fuse.map_of_log import grid_of
 from surfuse.commands.judge.method_comparison import Against, line_of, result_of
+from surfuse.commands.judge.truth_files import edge_truth, read_truth
 from surfuse.runs.scan_source import load_scan
 from surfuse.settings import FusionSettings
 

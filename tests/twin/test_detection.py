@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from surfuse.twin.acoustics.detection import burst_envelope, detect, envelope_at
+from surfuse.twin.acoustics.detection import Detector, Received, burst_envelope, detect, envelope_at
 from surfuse.twin.acoustics.kit import GAIN_STEP_ENDS_S, KitParameters
 
 SHAPE = burst_envelope(254e-6, 12e-6, 2.9e-6)
@@ -48,7 +48,8 @@ def test_detection_agrees_with_a_plain_one(seed: int, faint: float) -> None:
     envelope = plain_envelope(mirror, real, imag, ringing)
     crossing = np.empty(5)
     for opens in (30, 80, 150, 400):
-        peak = detect(mirror, real, imag, extent, SHAPE, SHAPE**2, level, ringing, opens, scale, shift, crossing)
+        received = Received(mirror, real, imag, extent, SHAPE, SHAPE**2)
+        peak = detect(received, Detector(level, ringing, opens), scale, shift, crossing)
         expected = [plain_detect(envelope, level, opens, a, b) for a, b in zip(scale, shift, strict=True)]
         assert crossing == pytest.approx(np.array(expected), abs=1e-9)
         assert np.isnan(peak) == (not np.isfinite(crossing).any())
@@ -58,17 +59,15 @@ def test_the_envelope_is_the_sum_over_the_window() -> None:
     mirror, real, imag, extent = random_arrivals(3)
     expected = plain_envelope(mirror, real, imag, np.zeros(BINS))
     for k in (0, extent[0], 333, extent[1] + 5, BINS - 1):
-        got = envelope_at(int(k), mirror, real, imag, SHAPE, SHAPE**2, extent)
+        got = envelope_at(int(k), Received(mirror, real, imag, extent, SHAPE, SHAPE**2))
         assert got == pytest.approx(expected[int(k)], abs=1e-12)
 
 
 def test_nothing_arrives_nothing_is_heard() -> None:
     crossing = np.empty(2)
     empty = np.zeros(BINS)
-    peak = detect(
-        empty, empty, empty, np.array([BINS, -1]), SHAPE, SHAPE**2, np.full(BINS, 0.1), empty, 10, np.ones(2),
-        np.zeros(2), crossing,
-    )  # fmt: skip
+    received = Received(empty, empty, empty, np.array([BINS, -1]), SHAPE, SHAPE**2)
+    peak = detect(received, Detector(np.full(BINS, 0.1), empty, 10), np.ones(2), np.zeros(2), crossing)
     assert np.all(crossing == np.inf)
     assert np.isnan(peak)
 

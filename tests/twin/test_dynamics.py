@@ -80,8 +80,8 @@ def test_mujoco_agrees(state: dict[str, object]) -> None:
 def test_the_kernel_equals_its_plain_twin() -> None:
     q, qd, qdd = motion(STATES[-1])
     arm, wanted, plain = BARE.kernel_arguments(), np.empty(6), np.empty(6)
-    newton_euler(*arm, q, qd, qdd, wanted)
-    newton_euler.py_func(*arm, q, qd, qdd, plain)  # type: ignore[attr-defined]
+    newton_euler(arm, q, qd, qdd, wanted)
+    newton_euler.py_func(arm, q, qd, qdd, plain)  # type: ignore[attr-defined]
     assert_allclose(plain, wanted, rtol=1e-13)
 
 

@@ -52,6 +52,18 @@ def test_a_stop_is_the_same_whatever_ran_before(scene: Scene) -> None:
     assert np.array_equal(fresh.repeatability(6), used.repeatability(6))
 
 
+def test_another_kit_drives_the_sensor_from_its_next_ping_on(scene: Scene) -> None:
+    twin = Twin(scene, seed=4)
+    usual = twin.kit(TUBE_SPEC)
+    twin.ping(THERE, TUBE_SPEC, 1, 0.0)
+    other = replace(usual, cycles=usual.cycles + 4)
+    twin.set_kit(TUBE_SPEC.name, other)
+    assert twin.kit(TUBE_SPEC) == other
+    assert twin.sounder(TUBE_SPEC).kit == other
+    # Other sensors keep theirs.
+    assert twin.kit(BARE_SPEC).cycles == usual.cycles
+
+
 def test_stops_stages_and_seeds_differ(scene: Scene) -> None:
     def noise(seed: int, stage: str, index: int) -> tuple[float, ...]:
         twin = Twin(scene, seed=seed)

@@ -10,7 +10,7 @@ import pytest
 
 from surfuse.errors import ConfigError, DataError
 from surfuse.vision.dominant_points import DominantPointParameters, dominant_points
-from surfuse.vision.dominant_points.chords import chord_error, farthest, running_sums, slope, turn
+from surfuse.vision.dominant_points.chords import Curve, chord_error, farthest, running_sums, slope, turn
 from surfuse.vision.dominant_points.order import shape_order
 from surfuse.vision.dominant_points.refinement import _best_polygon, total_error
 
@@ -148,12 +148,15 @@ def test_open_optimum_equals_exhaustive_search():
     contour = np.round(flower(60)[:14])
     centred = contour - contour.mean(axis=0)
     best = min(
-        sum(chord_error(centred, running_sums(centred), 14, i, j) for i, j in itertools.pairwise((0, *inner, 13)))
+        sum(
+            chord_error(Curve(centred, running_sums(centred), 14, False), i, j)
+            for i, j in itertools.pairwise((0, *inner, 13))
+        )
         for inner in itertools.combinations(range(1, 13), 3)
     )
     found = dominant_points(contour, closed=False, n_points=5)
     sums = running_sums(centred)
-    assert total_error(centred, sums, 14, False, found.indices) == pytest.approx(best, abs=1e-9)
+    assert total_error(Curve(centred, sums, 14, False), found.indices) == pytest.approx(best, abs=1e-9)
 
 
 def test_shape_order_is_the_same_for_every_start_and_direction():
@@ -169,34 +172,34 @@ def test_kernels_equal_their_plain_twins():
     points = np.cumsum(generator.normal(size=(30, 2)), axis=0)
     points -= points.mean(axis=0)
     doubled = np.concatenate([points, points])
-    sums = running_sums(doubled)
+    curve = Curve(doubled, running_sums(doubled), 30, True)
     for i, j in ((0, 9), (5, 29), (25, 38), (-4, 3), (7, 8), (31, 44)):
         numbers = np.arange(i + 1, j) % 30
         p, d = points[i % 30], points[j % 30] - points[i % 30]
         r = points[numbers] - p
         across = (d[0] * r[:, 1] - d[1] * r[:, 0]) / math.hypot(*d)
-        assert chord_error(doubled, sums, 30, i, j) == pytest.approx(float(across @ across), abs=1e-9)
+        assert chord_error(curve, i, j) == pytest.approx(float(across @ across), abs=1e-9)
         along = np.clip(r @ d / (d @ d), 0.0, 1.0)
         distance = np.hypot(*(r - along[:, None] * d).T)
-        where, largest = farthest(doubled, 30, i, j, 0.0)
+        where, largest = farthest(curve, i, j, 0.0)
         if len(numbers):
             assert largest == pytest.approx(distance.max())
             assert where == i + 1 + int(np.argmax(distance))
         run = points[np.arange(i, j + 1) % 30]
         _, vectors = np.linalg.eigh(np.cov(run.T))
         fitted = vectors[:, 1] * np.sign(vectors[:, 1] @ d)
-        assert math.cos(slope(doubled, sums, 30, i, j) - math.atan2(fitted[1], fitted[0])) == pytest.approx(1.0)
+        assert math.cos(slope(curve, i, j) - math.atan2(fitted[1], fitted[0])) == pytest.approx(1.0)
 
 
 def test_chord_between_equal_points_measures_the_distance_to_the_point():
     points = np.array([[0.0, 0.0], [3.0, 4.0], [0.0, 0.0]])
-    assert chord_error(points, running_sums(points), 3, 0, 2) == pytest.approx(25.0)
-    assert farthest(points, 3, 0, 2, 0.0) == (1, 5.0)
+    assert chord_error(Curve(points, running_sums(points), 3, False), 0, 2) == pytest.approx(25.0)
+    assert farthest(Curve(points, running_sums(points), 3, False), 0, 2, 0.0) == (1, 5.0)
 
 
 def test_turn_of_a_right_angle():
     points = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 1.0], [2.0, 2.0]]) - 1.0
-    assert turn(points, running_sums(points), 5, 0, 2, 4) == pytest.approx(math.pi / 2)
+    assert turn(Curve(points, running_sums(points), 5, False), 0, 2, 4) == pytest.approx(math.pi / 2)
 
 
 def test_best_polygon_equals_exhaustive_search():
@@ -205,13 +208,11 @@ def test_best_polygon_equals_exhaustive_search():
     n = len(contour)
     points = contour - contour.mean(axis=0)
     doubled = np.concatenate([points, points])
-    sums = running_sums(doubled)
+    curve = Curve(doubled, running_sums(doubled), n, True)
     pool = np.arange(n + 1)
-    found = _best_polygon(doubled, sums, n, True, pool, 5, 0.0)
-    errors = [
-        total_error(doubled, sums, n, True, np.array([0, *rest])) for rest in itertools.combinations(range(1, n), 4)
-    ]
-    assert total_error(doubled, sums, n, True, found) == pytest.approx(min(errors), abs=1e-9)
+    found = _best_polygon(curve, pool, 5, 0.0)
+    errors = [total_error(curve, np.array([0, *rest])) for rest in itertools.combinations(range(1, n), 4)]
+    assert total_error(curve, found) == pytest.approx(min(errors), abs=1e-9)
 
 
 def test_points_that_repeat_or_cross_themselves_do_no_harm():

@@ -10,8 +10,9 @@ from surfuse.cameras import REFERENCE_MODEL
 from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.poses import inverse, pose, rotation_about, transform_points
 from surfuse.records import CameraFrame, Detection
-from surfuse.vision.distance import ProjectionSigmas, ShoulderRange, measure_distance
+from surfuse.vision.distance import Distance, ProjectionSigmas, ShoulderRange, measure_distance
 from surfuse.vision.outline import outline_part
+from surfuse.vision.projection import project_outline
 from surfuse.vision.rays import camera_rays, pixels_of
 from surfuse.vision.table_contact import foot_points
 
@@ -152,6 +153,15 @@ def test_turned_plate_gives_the_distance_of_its_middle():
     assert width == pytest.approx(0.2 * math.cos(yaw), abs=3e-3)
 
 
+@pytest.mark.parametrize("yaw_deg", [-55.0, 40.0, 55.0])
+def test_the_foot_of_a_plate_that_is_turned_far_is_still_its_whole_lower_edge(yaw_deg):
+    boundary, corners = rectangle()
+    frame, detection, _ = seen(boundary, 0.95, yaw=math.radians(yaw_deg))
+    distance = measure_distance(frame, detection.contour_px, corners, TABLE, None)
+    # Its nearest corner is 3 to 8 cm nearer.
+    assert distance.foot_m == pytest.approx(0.95, abs=0.01)
+
+
 def test_foot_of_a_round_part_is_its_lowest_point():
     angle = 2 * np.pi * np.arange(400) / 400
     boundary = 0.08 * np.column_stack([np.cos(angle), np.sin(angle) + 1.0])
@@ -216,3 +226,59 @@ def test_impossible_deviations_are_refused():
         ProjectionSigmas(pixel_px=-1.0)
     with pytest.raises(ConfigError):
         ProjectionSigmas(focal=math.nan)
+
+
+def test_upwards_two_pixels_count_the_corner_s_and_the_foot_s():
+    square = replace(REFERENCE_MODEL, fx_px=600.0, fy_px=600.0)
+    only_pixels = ProjectionSigmas(pixel_px=0.3, focal=0.0, pitch_rad=0.0, height_m=0.0, range_share=0.0, relief_m=0.0)
+    boundary, _ = rectangle()
+    frame, detection, _ = seen(boundary, 0.95, square)
+    exact = ranger(frame, 0.95, sigma=1e-9)
+    found = outline_part(frame, detection, TABLE, exact, sigmas=only_pixels)
+    one_pixel_m = 0.95 * 0.3 / 600.0
+    assert found.outline.sigma_m == pytest.approx(math.sqrt(2.0) * one_pixel_m, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("error", "size", "share"),
+    [("pitch_rad", 0.002, 0.02), ("height_m", 0.002, 0.02), ("pixel_px", 0.5, 0.15), ("focal", 0.004, 0.15)],
+)
+def test_the_foot_s_sigma_is_what_each_error_alone_does_to_its_distance(error, size, share):
+    """Of the last two the angle is taken for its tangent, a tenth too much at this height."""
+    level = 1.3
+    real = shoulder_pose(height=level + (size if error == "height_m" else 0.0), pitch=size * (error == "pitch_rad"))
+    focal = 1.0 + size * (error == "focal")
+    lens = replace(REFERENCE_MODEL, fx_px=REFERENCE_MODEL.fx_px * focal, fy_px=REFERENCE_MODEL.fy_px * focal)
+    boundary, corners = rectangle()
+    frame, detection, _ = seen(boundary, 0.95, lens, real)
+    believed = CameraFrame(frame.image, 0.0, REFERENCE_MODEL, shoulder_pose(height=level))
+    contour = np.add(detection.contour_px, [0.0, size * (error == "pixel_px")])
+    names = ("pixel_px", "focal", "pitch_rad", "height_m", "range_share", "relief_m")
+    only = ProjectionSigmas(**{name: size * (name == error) for name in names})
+    found = measure_distance(believed, contour, corners, TABLE, None, only)
+    assert found.foot_sigma_m == pytest.approx(abs(found.foot_m - 0.95), rel=share)
+
+
+def test_relief_moves_a_vertex_along_its_ray_away_from_what_is_straight_ahead():
+    boundary, corners = rectangle(aside=0.05)
+    frame, detection, _ = seen(boundary, 0.95)
+    nothing = ProjectionSigmas(pixel_px=0.0, focal=0.0, pitch_rad=0.0, height_m=0.0, range_share=0.0, relief_m=0.0)
+    exact = Distance(0.95, 0.0, 0.95, 0.0, math.nan, math.nan, relief_m=0.01)
+    found = project_outline(frame, detection, corners, exact, TABLE, nothing)
+    u, v = np.add(found.vertices_m, [0.05, 0.0]).T
+    aside, up = np.abs(u), np.abs(v + TABLE - 1.15)
+    assert found.sigma_m == pytest.approx(0.01 * np.maximum(aside, up) / 0.95, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("errors", "own_m", "sigma_m"),
+    [({}, 0.004, 0.004), ({"relief_m": 0.01}, 0.0, 0.01), ({"range_share": 0.02}, 0.0, 0.02 * 0.98)],
+)
+def test_the_range_s_sigma_holds_the_ranger_s_own_the_air_s_and_the_relief_s(errors, own_m, sigma_m):
+    boundary, corners = rectangle()
+    frame, detection, _ = seen(boundary, 0.95)
+    names = ("pixel_px", "focal", "pitch_rad", "height_m", "range_share", "relief_m")
+    only = ProjectionSigmas(**{"pixel_px": 0.3, **{name: errors.get(name, 0.0) for name in names[1:]}})
+    shoulder = ranger(frame, 0.95, sigma=own_m)
+    found = measure_distance(frame, detection.contour_px, corners, TABLE, shoulder, only)
+    assert found.range_sigma_m == pytest.approx(sigma_m)

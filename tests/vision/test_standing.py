@@ -56,6 +56,17 @@ def test_threads_of_noise_do_not_put_a_thing_behind_the_table_onto_it(level):
     assert not stands(detection, image)
 
 
+@pytest.mark.parametrize(("level", "down"), [(65, False), (180, True)], ids=["hardly different", "clearly different"])
+def test_the_foot_of_what_is_hardly_different_is_not_a_thread(level, down):
+    """A narrow foot of a bright thing is a foot; of a faint one it may be noise that hangs down."""
+    upper = block(200, 260, 300, FAR)
+    narrow = np.vstack([upper[:3], [[226, FAR], [226, FAR + 12], [220, FAR + 12], [220, FAR]], upper[3:]])
+    for corners, expected in ((narrow, down), (block(200, 260, 300, FAR + 12), True)):
+        detection, image = seen(corners)
+        image[image == 180] = level
+        assert stands(detection, image) == expected
+
+
 def test_dark_part_on_a_bright_table_is_decided_the_same_way():
     detection, image = seen(block(200, 260, 300, FAR + 30))
     assert stands(detection, 255 - image)

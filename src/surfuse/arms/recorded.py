@@ -3,27 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from surfuse.errors import DataError, DeviceError
-from surfuse.interfaces import AlwaysOpen, Kinematics
+from surfuse.errors import ConfigError, DataError, DeviceError
+from surfuse.interfaces import GIVEN_BY_RIG, AlwaysOpen, Kinematics, surrounded
+from surfuse.motion.arm_surroundings import ArmSurroundings
+from surfuse.motion.limits import check_position
 from surfuse.records import FloatArray, JointState
+
+SUMMARY = "plays back the joint states of a recorded scan"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surroundings(ArmSurroundings):
+    """The arm that was recorded, and its joint states in their order."""
+
+    states: Sequence[JointState]
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """`tolerance_rad`: how far a recorded state may be from the target of its move (inf: anywhere)."""
+
+    tolerance_rad: float = 0.02
+    surroundings: Surroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
+
+    def __post_init__(self) -> None:
+        if not self.tolerance_rad >= 0.0:
+            raise ConfigError(f"tolerance_rad = {self.tolerance_rad}", cure="give an angle of 0 rad or more")
 
 
 class RecordedArm(AlwaysOpen):
-    """See `create`."""
+    """Stands at the first of the recorded states and goes to the next with every move."""
 
-    def __init__(self, kinematics: Kinematics, states: Sequence[JointState], tolerance_rad: float) -> None:
-        if len(states) == 0:
+    def __init__(self, parameters: Parameters, surroundings: Surroundings) -> None:
+        if len(surroundings.states) == 0:
             raise DataError("a recorded arm without joint states", cure="give a log that has some")
-        joints = len(kinematics.lower_rad)
-        for i, state in enumerate(states):
+        self._kinematics, self._limits = surroundings.kinematics, surroundings.limits
+        joints = len(self._kinematics.lower_rad)
+        for i, state in enumerate(surroundings.states):
             if len(state.position_rad) != joints:
                 raise DataError(f"recorded state {i} has {len(state.position_rad)} joints, the arm has {joints}")
-        self._kinematics = kinematics
-        self._states = tuple(states)
-        self._tolerance_rad = tolerance_rad
+        self._states, self._guard = tuple(surroundings.states), surroundings.guard
+        self._tolerance_rad = parameters.tolerance_rad
         self._at = 0
 
     @property
@@ -40,17 +64,20 @@ class RecordedArm(AlwaysOpen):
 
         Raises
         ------
+        SafetyStopError : the target is outside a limit, or the guard refuses the way; the replay has not moved.
         DeviceError : the recording is over, or its next state is elsewhere; the replay has not moved.
         """
+        check_position(joints_rad, self._limits)
+        if self._guard is not None:
+            self._guard(self._states[self._at].position_rad, np.array(joints_rad, dtype=np.float64))
         if self._at + 1 >= len(self._states):
             raise DeviceError(
                 f"the recording ends after {len(self._states)} joint states", cure="ask for no more moves than it has"
             )
         recorded = self._states[self._at + 1]
         off = np.abs(recorded.position_rad - np.asarray(joints_rad, dtype=np.float64))
-        # Written so that nan counts as elsewhere.
         if not np.all(off <= self._tolerance_rad):
-            j = int(np.argmax(np.where(np.isnan(off), np.inf, off)))
+            j = int(np.argmax(off))
             raise DeviceError(
                 f"recorded state {self._at + 1} has joint {j + 1} at {np.degrees(recorded.position_rad[j]):.2f} deg, "
                 f"the target is {np.degrees(joints_rad[j]):.2f} deg",
@@ -60,9 +87,6 @@ class RecordedArm(AlwaysOpen):
         return recorded
 
 
-def create(kinematics: Kinematics, states: Sequence[JointState], tolerance_rad: float = 0.02) -> RecordedArm:
-    """An arm that stands at the first of the recorded states and goes to the next with every move.
-
-    `tolerance_rad` is how far a recorded state may be from the target of its move (inf: anywhere).
-    """
-    return RecordedArm(kinematics, states, tolerance_rad)
+def create(parameters: Parameters) -> RecordedArm:
+    """A recorded arm, played back from its first state."""
+    return RecordedArm(parameters, surrounded(parameters.surroundings, "recorded"))

@@ -8,14 +8,14 @@ most (0.03 mm at the tool), and reached and commanded positions differ by the re
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from surfuse.errors import ConfigError, SafetyStopError
-from surfuse.interfaces import AlwaysOpen, Clock, Kinematics, World
-from surfuse.motion.limits import JointLimits, check_position
+from surfuse.interfaces import GIVEN_BY_RIG, AlwaysOpen, Kinematics, World, surrounded
+from surfuse.motion.arm_surroundings import ArmSurroundings
+from surfuse.motion.limits import check_position
 from surfuse.motion.planners import trapezoidal, within_tool_speed
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray, JointSamples, JointState
@@ -23,7 +23,15 @@ from surfuse.records import FloatArray, JointSamples, JointState
 _SAMPLE_S = 4e-3  # between two encoder samples of a motion: a straight line between them is off by a dt^2 / 8
 _SAME_RAD = 1e-6
 
-Guard = Callable[[FloatArray, FloatArray], None]
+SUMMARY = "an arm in the simulated rig, without dynamics"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surroundings(ArmSurroundings):
+    """The world of the twin, and the joints (J,) at which the arm stands in the beginning."""
+
+    world: World
+    start_rad: FloatArray
 
 
 @dataclass(frozen=True)
@@ -39,6 +47,7 @@ class Parameters:
     speed_share: float = 1.0
     encoder_rad_per_count: tuple[float, ...] = (1e-4,)
     tool_speed_max_m_s: float = np.inf
+    surroundings: Surroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.settle_s) and self.settle_s >= 0.0):
@@ -54,22 +63,14 @@ class Parameters:
 
 
 class SimulatedArm(AlwaysOpen):
-    """See `create`."""
+    """Moves in the time that its limits allow, and arrives with the error that the world makes."""
 
-    def __init__(
-        self,
-        kinematics: Kinematics,
-        world: World,
-        clock: Clock,
-        limits: JointLimits,
-        start_rad: FloatArray,
-        parameters: Parameters,
-        guard: Guard | None,
-    ) -> None:
+    def __init__(self, parameters: Parameters, surroundings: Surroundings) -> None:
+        kinematics, limits, start_rad = surroundings.kinematics, surroundings.limits, surroundings.start_rad
         check_position(start_rad, limits)
         self._kinematics = kinematics
-        self._world = world
-        self._clock = clock
+        self._world = surroundings.world
+        self._clock = surroundings.clock
         self._limits = replace(
             limits,
             velocity_rad_s=parameters.speed_share * limits.velocity_rad_s,
@@ -77,7 +78,7 @@ class SimulatedArm(AlwaysOpen):
         )
         self._parameters = parameters
         self._planner = within_tool_speed(trapezoidal(self._limits), kinematics, parameters.tool_speed_max_m_s)
-        self._guard = guard
+        self._guard = surroundings.guard
         self._target_rad = np.array(start_rad, dtype=np.float64)
         self._true_rad = self._target_rad
         self._motion: Trajectory | None = None
@@ -178,18 +179,6 @@ class SimulatedArm(AlwaysOpen):
         return np.asarray(np.round(joints_rad / count) * count)
 
 
-def create(
-    kinematics: Kinematics,
-    world: World,
-    clock: Clock,
-    limits: JointLimits,
-    start_rad: FloatArray,
-    parameters: Parameters = Parameters(),
-    guard: Guard | None = None,
-) -> SimulatedArm:
-    """A simulated arm at joints `start_rad` (J,).
-
-    `guard` is called with start and target joints before every move and raises `SafetyStopError` to refuse it (see
-    `surfuse.motion.clearance.check_move`).
-    """
-    return SimulatedArm(kinematics, world, clock, limits, start_rad, parameters, guard)
+def create(parameters: Parameters) -> SimulatedArm:
+    """A simulated arm at rest."""
+    return SimulatedArm(parameters, surrounded(parameters.surroundings, "simulated"))

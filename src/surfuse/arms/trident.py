@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Self
 
 import numpy as np
 
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
-from surfuse.interfaces import Clock, Kinematics
-from surfuse.motion.control.law import Commands, ControlLaw
-from surfuse.motion.limits import JointLimits, check_position, check_velocity
+from surfuse.interfaces import GIVEN_BY_RIG, Kinematics, surrounded
+from surfuse.motion.arm_surroundings import ArmSurroundings
+from surfuse.motion.control_law import Commands, ControlLaw
+from surfuse.motion.limits import check_position, check_velocity
 from surfuse.motion.planners import Planner
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray, JointSamples, JointState
@@ -24,7 +24,24 @@ from surfuse.servo_cards.supervision import STANDARD_SUPERVISION, Supervision
 
 _TICKS_PER_SAMPLE = 4  # of a motion that is run tick by tick
 
-Guard = Callable[[FloatArray, FloatArray], None]
+STANDARD_CALIBRATION = Calibration()
+SUMMARY = "a PUMA 560 or its like behind TRC004 servo cards"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surroundings(ArmSurroundings):
+    """The card, and what moves the arm behind it.
+
+    `law` is the control law, `planner` plans a motion between two joint positions (J,). `standing_rad` (J,) is where
+    the arm is known to stand when it is opened (None: it calibrates itself). `loop` runs the servo's ticks faster than
+    one by one, for a card in software.
+    """
+
+    bus: CardBus
+    law: ControlLaw
+    planner: Planner
+    standing_rad: FloatArray | None = None
+    loop: TickLoop | None = None
 
 
 @dataclass(frozen=True)
@@ -33,6 +50,7 @@ class Parameters:
 
     `settle_rad`: a joint nearer to its target than this has arrived. `settle_ticks`: for how many ticks in a row all
     joints must have. `settle_timeout_s`: longest wait for that. `rest_s`: further rest after it.
+    `scales`, `supervision`, `calibration`: what was measured on the arm and its cards.
     """
 
     settle_rad: float = 2e-4
@@ -41,6 +59,8 @@ class Parameters:
     rest_s: float = 0.0
     scales: CardScales = STANDARD_SCALES
     supervision: Supervision = STANDARD_SUPERVISION
+    calibration: Calibration = STANDARD_CALIBRATION
+    surroundings: Surroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
         for name in ("settle_rad", "settle_timeout_s"):
@@ -53,31 +73,20 @@ class Parameters:
 
 
 class TridentArm:
-    """See `create`."""
+    """Joints driven by torques; it calibrates itself when it is opened, unless it is told where it stands."""
 
-    def __init__(
-        self,
-        kinematics: Kinematics,
-        bus: CardBus,
-        clock: Clock,
-        limits: JointLimits,
-        law: ControlLaw,
-        planner: Planner,
-        reference: Calibration | FloatArray,
-        parameters: Parameters,
-        guard: Guard | None,
-        loop: TickLoop | None,
-    ) -> None:
-        self._kinematics = kinematics
-        self._bus = bus
-        self._clock = clock
+    def __init__(self, parameters: Parameters, surroundings: Surroundings) -> None:
+        law, limits = surroundings.law, surroundings.limits
+        self._kinematics = surroundings.kinematics
+        self._bus = surroundings.bus
+        self._clock = surroundings.clock
         self._limits = limits
         self._law = law
-        self._planner = planner
-        self._reference = reference
+        self._planner = surroundings.planner
+        self._standing_rad = surroundings.standing_rad
         self._parameters = parameters
-        self._guard = guard
-        self._servo = JointServo(bus, parameters.scales, law, parameters.supervision, loop)
+        self._guard = surroundings.guard
+        self._servo = JointServo(self._bus, parameters.scales, law, parameters.supervision, surroundings.loop)
         self._target_rad = np.full(len(limits), np.nan)
         self._motion: Commands | None = None
         self._next = 0
@@ -85,10 +94,11 @@ class TridentArm:
 
     def __enter__(self) -> Self:
         self._servo.connect()
-        if isinstance(self._reference, Calibration):
-            self._target_rad = calibrate(self._bus, self._servo, self._law, self._parameters.scales, self._reference)
+        if self._standing_rad is None:
+            known = self._parameters
+            self._target_rad = calibrate(self._bus, self._servo, self._law, known.scales, known.calibration)
         else:
-            self._servo.set_position(self._reference)
+            self._servo.set_position(self._standing_rad)
             self._target_rad = self._servo.power_on()
         return self
 
@@ -280,22 +290,6 @@ class TridentArm:
             )
 
 
-def create(
-    kinematics: Kinematics,
-    bus: CardBus,
-    clock: Clock,
-    limits: JointLimits,
-    law: ControlLaw,
-    planner: Planner,
-    reference: Calibration | FloatArray,
-    parameters: Parameters = Parameters(),
-    guard: Guard | None = None,
-    loop: TickLoop | None = None,
-) -> TridentArm:
-    """An arm behind a servo card.
-
-    `law` is the control law, `planner` plans a motion between two joint positions (J,), `reference` is the arm's
-    start-up calibration, or the joints (J,) at which it is known to stand when it is opened. `guard` as in
-    `surfuse.arms.simulated.create`. `loop` runs the servo's ticks faster than one by one, for a card in software.
-    """
-    return TridentArm(kinematics, bus, clock, limits, law, planner, reference, parameters, guard, loop)
+def create(parameters: Parameters) -> TridentArm:
+    """An arm behind a servo card."""
+    return TridentArm(parameters, surrounded(parameters.surroundings, "trident"))

@@ -9,21 +9,22 @@ from __future__ import annotations
 import socket
 import struct
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Protocol, Self
 
 import numpy as np
 
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
-from surfuse.interfaces import Clock, Kinematics
+from surfuse.extras import needed_by
+from surfuse.interfaces import GIVEN_BY_RIG, Kinematics, surrounded
+from surfuse.motion.arm_surroundings import ArmSurroundings
 from surfuse.motion.limits import JointLimits, check_position
 from surfuse.motion.trapezoid import durations_s
 from surfuse.records import FloatArray, JointState
 
-Guard = Callable[[FloatArray, FloatArray], None]
-
+SUMMARY = "an arm of Universal Robots, over its network interface (RTDE)"
+NEEDS = ("rtde_receive",)
 RTDE_PORT = 30004
 SCRIPT_PORT = 30002
 VARIABLES = ["timestamp", "actual_q", "actual_qd", "robot_mode", "safety_mode"]
@@ -55,13 +56,15 @@ class Receiver(Protocol):
 
 @dataclass(frozen=True)
 class Parameters:
-    """How the arm is moved and watched.
+    """Where the arm is, and how it is moved and watched.
 
+    `host`: network address of the controller.
     `speed_share`: share in (0, 1] of the joint speeds and accelerations. `settle_rad`, `still_rad_s`: when a joint has
     arrived and rests; `settle_s`: for how long. `grace_s`: how much longer than planned a move may take.
     `answer_timeout_s`: longest wait for the controller, and longest silence of its data. `frequency_hz`: of the data.
     """
 
+    host: str
     speed_share: float = 0.5
     settle_rad: float = 5e-4
     still_rad_s: float = 2e-3
@@ -69,8 +72,11 @@ class Parameters:
     grace_s: float = 3.0
     answer_timeout_s: float = 2.0
     frequency_hz: float = 125.0
+    surroundings: ArmSurroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
+        if not self.host:
+            raise ConfigError("host = ''", cure="give the network address of the controller")
         if not 0.0 < self.speed_share <= 1.0:
             raise ConfigError(f"speed_share = {self.speed_share}", cure="give a share above 0, at most 1")
         for name in ("settle_rad", "still_rad_s", "settle_s", "grace_s", "answer_timeout_s", "frequency_hz"):
@@ -79,32 +85,26 @@ class Parameters:
 
 
 class UrArm:
-    """See `create`."""
+    """The arm behind a controller; its kinematics come from the rig."""
 
-    def __init__(
-        self,
-        host: str,
-        kinematics: Kinematics,
-        limits: JointLimits,
-        clock: Clock,
-        parameters: Parameters,
-        guard: Guard | None,
-    ) -> None:
-        self._host = host
-        self._kinematics = kinematics
-        self._limits = limits
-        self._clock = clock
+    def __init__(self, parameters: Parameters, surroundings: ArmSurroundings) -> None:
+        self._host = parameters.host
+        self._kinematics = surroundings.kinematics
+        self._limits = surroundings.limits
+        self._clock = surroundings.clock
         self._parameters = parameters
-        self._guard = guard
+        self._guard = surroundings.guard
         self._receiver: Receiver | None = None
         self._script: socket.socket | None = None
         self._last_stamp_s, self._heard_s = -1.0, 0.0
 
     def __enter__(self) -> Self:
+        with needed_by("an arm of Universal Robots", self._host):
+            from rtde_receive import (  # type: ignore[import-not-found,import-untyped,unused-ignore]
+                RTDEReceiveInterface,
+            )
+
         self._check_controller()
-        from rtde_receive import (  # type: ignore[import-not-found,import-untyped,unused-ignore]
-            RTDEReceiveInterface,
-        )
 
         try:
             self._script = socket.create_connection((self._host, SCRIPT_PORT), self._parameters.answer_timeout_s)
@@ -261,16 +261,6 @@ class UrArm:
             self._script = None
 
 
-def create(
-    host: str,
-    kinematics: Kinematics,
-    limits: JointLimits,
-    clock: Clock,
-    parameters: Parameters = Parameters(),
-    guard: Guard | None = None,
-) -> UrArm:
-    """A Universal Robots arm at a network address; its kinematics come from `arms.model_file` or elsewhere.
-
-    `guard` as in `surfuse.arms.simulated.create`.
-    """
-    return UrArm(host, kinematics, limits, clock, parameters, guard)
+def create(parameters: Parameters) -> UrArm:
+    """A Universal Robots arm at a network address."""
+    return UrArm(parameters, surrounded(parameters.surroundings, "ur_rtde"))

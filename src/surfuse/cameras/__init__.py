@@ -1,4 +1,4 @@
-"""Cameras: every module here is a plug-in with `create(...) -> Camera`, named after its file."""
+"""Cameras; every file is a plug-in."""
 
 from surfuse.records import CameraModel
 

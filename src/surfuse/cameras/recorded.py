@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -10,18 +11,34 @@ from typing import Self
 import cv2
 import numpy as np
 
-from surfuse.errors import DataError, DeviceError
+from surfuse.errors import ConfigError, DataError, DeviceError
+from surfuse.interfaces import GIVEN_BY_RIG, CameraSurroundings, surrounded
 from surfuse.records import ByteArray, CameraModel
 
 PICTURES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".tif", ".tiff")
 VIDEOS = (".avi", ".m4v", ".mkv", ".mov", ".mp4")
+SUMMARY = "plays back a folder of pictures, one picture, or a video file"
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """`source`: folder, picture or video. `interval_s`: time from one picture to the next."""
+
+    source: Path
+    interval_s: float = 0.04
+    surroundings: CameraSurroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.interval_s <= 86_400.0:
+            raise ConfigError(f"interval_s = {self.interval_s}", cure="give more than 0 and at most a day")
 
 
 class RecordedCamera:
     """Pictures in the order of their names, or the frames of a video, one a capture."""
 
-    def __init__(self, source: Path, model: CameraModel, interval_s: float) -> None:
-        self._source, self._model, self._interval_s = source, model, interval_s
+    def __init__(self, parameters: Parameters, surroundings: CameraSurroundings) -> None:
+        self._source, self._interval_s = parameters.source, parameters.interval_s
+        self._model = surroundings.model
         self._pictures: Iterator[ByteArray] = iter(())
         self._taken = 0
 
@@ -65,9 +82,9 @@ class RecordedCamera:
         return image, t_s
 
 
-def create(source: Path, model: CameraModel, interval_s: float = 0.04) -> RecordedCamera:
-    """A camera that plays a folder, a picture or a video file; opened with the first picture."""
-    return RecordedCamera(source, model, interval_s)
+def create(parameters: Parameters) -> RecordedCamera:
+    """A camera that plays back; it begins with the first picture whenever it is opened."""
+    return RecordedCamera(parameters, surrounded(parameters.surroundings, "recorded"))
 
 
 def _frames(source: Path) -> Iterator[ByteArray]:

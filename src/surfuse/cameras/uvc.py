@@ -2,26 +2,39 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Self
 
 import cv2
 import numpy as np
 
-from surfuse.errors import DeviceError
+from surfuse.errors import ConfigError, DeviceError
+from surfuse.interfaces import GIVEN_BY_RIG, CameraSurroundings, surrounded
 from surfuse.records import ByteArray, CameraModel
 
 _STALE_FRAMES = 2
 _REPEATS_MAX = 5
+SUMMARY = "a USB camera, by its number in the system"
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """`index`: number of the camera in the system's order, from 0."""
+
+    index: int = 0
+    surroundings: CameraSurroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.index <= 999:
+            raise ConfigError(f"index = {self.index}", cure="give 0 for the first camera, at most 999")
 
 
 class UvcCamera:
     """One camera of the system; opened by `with`, closed on every way out."""
 
-    def __init__(self, index: int, model: CameraModel, now_s: Callable[[], float]) -> None:
-        self._index, self._model, self._now_s = index, model, now_s
+    def __init__(self, parameters: Parameters, surroundings: CameraSurroundings) -> None:
+        self._index, self._model, self._clock = parameters.index, surroundings.model, surroundings.clock
         self._capture: cv2.VideoCapture | None = None
         self._last: ByteArray | None = None
         self._repeats = 0
@@ -69,7 +82,7 @@ class UvcCamera:
         for _ in range(_STALE_FRAMES):
             self._capture.grab()
         arrived, frame = self._capture.read()
-        t_s = self._now_s()
+        t_s = self._clock.now_s()
         if not arrived or frame is None:
             raise DeviceError("the camera stopped answering", cure="check its cable", where=self._name)
         image = np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY) if frame.ndim == 3 else frame, dtype=np.uint8)
@@ -100,6 +113,6 @@ class UvcCamera:
         return f"camera {self._index}"
 
 
-def create(model: CameraModel, index: int = 0, now_s: Callable[[], float] = time.monotonic) -> UvcCamera:
-    """The camera with this index in the system's order."""
-    return UvcCamera(index, model, now_s)
+def create(parameters: Parameters) -> UvcCamera:
+    """A USB camera."""
+    return UvcCamera(parameters, surrounded(parameters.surroundings, "uvc"))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import io
 import os
 import pkgutil
 import sys
@@ -19,6 +20,7 @@ import typer
 
 from surfuse import __version__
 from surfuse.errors import InterruptError, StorageError, SurfuseError, UsageError, nearest
+from surfuse.extras import missing_package
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -79,21 +81,52 @@ def _tells_interrupts(work: Callable[P, T]) -> Callable[P, T]:
     return told
 
 
-def _check_command(arguments: list[str]) -> None:
-    """Name the nearest command of a misspelt one."""
-    commands = [command.name for command in app.registered_commands if command.name]
-    word = next((argument for argument in arguments if not argument.startswith("-")), None)
-    if word is not None and word not in commands and word not in [group.name for group in app.registered_groups]:
-        raise UsageError(f"unknown command '{word}'", cure=nearest(word, commands))
+def _checked(arguments: list[str]) -> list[str]:
+    """The arguments, with the help of a group that is given alone; a misspelt command names the nearest one.
+
+    Raises
+    ------
+    UsageError : there is no such command.
+    """
+    names = [command.name for command in app.registered_commands if command.name]
+    names += [group.name for group in app.registered_groups if group.name]
+    words = [argument for argument in arguments if not argument.startswith("-")]
+    if words and words[0] not in names:
+        raise UsageError(f"unknown command '{words[0]}'", cure=nearest(words[0], names))
+    for group in app.registered_groups:
+        if words and words[0] == group.name and group.typer_instance is not None:
+            inner = [entry.name for entry in group.typer_instance.registered_commands if entry.name]
+            if len(arguments) == 1:
+                return [*arguments, "--help"]
+            if len(words) > 1 and words[1] not in inner:
+                raise UsageError(f"unknown command '{group.name} {words[1]}'", cure=nearest(words[1], inner))
+    return arguments
+
+
+def _in_words(message: str, names: tuple[str, ...], arguments: list[str]) -> str:
+    """What is wrong with the command line, with the value that was given to the option of these names."""
+    text = message.replace("Value error, ", "").replace(", unable to parse string as an integer", "")
+    text = text.replace(", unable to parse string as a number", "").rstrip(".")
+    option = next((name for name in names if name in arguments[:-1]), None)
+    given = arguments[arguments.index(option) + 1] if option is not None else ""
+    value = f" (given: '{given}')" if given and f"'{given}'" not in text else ""
+    return f"{text}{value}; try 'surfuse {_command_of(arguments)}--help'"
+
+
+def _command_of(arguments: list[str]) -> str:
+    groups = [group.name for group in app.registered_groups]
+    words = [argument for argument in arguments if not argument.startswith("-")]
+    return "".join(f"{word} " for word in words[: 2 if words and words[0] in groups else 1])
 
 
 def main() -> None:
     """Entry point of the console script: one clear line and the exit status of the contract for every error."""
     arguments = [argument for argument in sys.argv[1:] if argument != DEBUG] or ["--help"]
     stdout = sys.stdout
+    _print_anything()
     try:
         _register()
-        _check_command(arguments)
+        arguments = _checked(arguments)
         outcome = app(args=arguments, standalone_mode=False)
         # A pipe that was closed or a disk that is full shows only now, while it still can be told.
         sys.stdout.flush()
@@ -104,9 +137,13 @@ def main() -> None:
     except SurfuseError as error:
         _fail(str(error), error.exit_status, error)
     except ClickUsageError as error:
-        _fail(f"{error.format_message()} Try 'surfuse --help' or 'surfuse COMMAND --help'.", 2, error)
+        option = error.param if isinstance(error, typer.BadParameter) else None
+        _fail(_in_words(error.format_message(), tuple(option.opts) if option else (), arguments), 2, error)
     except (typer.Abort, KeyboardInterrupt) as error:
         _fail("interrupted", INTERRUPTED, error)
+    except ModuleNotFoundError as error:
+        missing = missing_package(error, "this")
+        _fail(str(missing), missing.exit_status, error)
     except BrokenPipeError:
         _drop_output()
         sys.exit(0)
@@ -115,6 +152,13 @@ def main() -> None:
         _fail(f"{type(error).__name__}: {error}", StorageError.exit_status, error)
     except Exception as error:
         _fail(f"internal error: {type(error).__name__}: {error}; run again with {DEBUG} and report it", 1, error)
+
+
+def _print_anything() -> None:
+    """A console or pipe that lacks a character, as those of Windows may, gets a question mark instead of an error."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def _drop_output() -> None:

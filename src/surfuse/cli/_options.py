@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -25,6 +25,17 @@ Tool = Annotated[
 ArmDriver = Annotated[
     str | None,
     typer.Option("--arm-driver", metavar="NAME", help="trident: servo cards and dynamics; kinematic: faster, none."),
+]
+Scale = Annotated[
+    float,
+    typer.Option("--scale", metavar="FACTOR", help="Factor on a truth mesh's numbers, 0.001 for mm.", min=1e-9),
+]
+TruthFrame = Annotated[
+    Literal["auto", "world", "part"],
+    typer.Option(
+        "--truth-frame",
+        help="Frame of the truth: world (of the readings), part (of the map); auto: what the file says, else world.",
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout, nothing else there.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")]
@@ -60,6 +71,11 @@ def print_table(rows: list[tuple[str, str]]) -> None:
     width = max((len(label) for label, _ in rows), default=0)
     for label, value in rows:
         print(f"{label:<{width}}  {value}")
+
+
+def note(text: str) -> None:
+    """Something that the user should know, not an error: one line on stderr."""
+    print(f"surfuse: note: {text}", file=sys.stderr)
 
 
 def toml_string(text: str) -> str:

@@ -4,18 +4,70 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
+import time
 from collections.abc import Callable
 from types import FrameType
 from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
 
+from surfuse.geometry.compiling import COMPILING
+
+LINE_EVERY_S = 10.0
 Handler = Callable[[int, FrameType | None], object] | int | None
 
 
+def compiling_text() -> str:
+    """What the compiler does now; empty when it rests."""
+    return f"compiling, once: kernel {COMPILING.kernels + 1}" if COMPILING.depth else ""
+
+
+class CompilingColumn(ProgressColumn):
+    """Says that kernels are being compiled, since a stage then takes longer than it ever will again."""
+
+    def render(self, task: Task) -> Text:
+        """See `ProgressColumn`."""
+        return Text(compiling_text())
+
+
+class _Lines:
+    """A line every so many seconds from a thread of its own, for those who do not look at a terminal."""
+
+    def __init__(self, line: Callable[[], str]) -> None:
+        self._line = line
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def start(self) -> None:
+        """Begin to count."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """No line comes any more."""
+        self._ended.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._ended.wait(LINE_EVERY_S):
+            print(self._line(), file=sys.stderr, flush=True)
+
+
 class TerminalWatcher:
-    """Shows stage, stops done and time left on stderr when it is a terminal; nothing at all elsewhere or if quiet.
+    """Shows stage, stops done and time left on stderr; every ten seconds a line where it is no terminal.
+
+    Nothing at all if quiet.
 
     Inside `with`, the first Ctrl-C (or SIGTERM) asks for a stop after the current sweep, the second stops now. Work
     without `checkpoints` at which it could stop is ended by the first.
@@ -29,12 +81,15 @@ class TerminalWatcher:
             MofNCompleteColumn(),
             TimeElapsedColumn(),
             TimeRemainingColumn(),
+            CompilingColumn(),
             console=console,
             disable=quiet or not console.is_terminal,
             transient=True,
         )
         self._quiet = quiet
-        self._task = self._progress.add_task("", total=1)
+        self._lines = None if quiet or console.is_terminal else _Lines(self._line)
+        self._began_s = time.monotonic()
+        self._task = self._progress.add_task("start", total=1)
         self._signals = (signal.SIGINT, signal.SIGTERM) if checkpoints else ()
         self._stop = False
         self._previous: list[tuple[signal.Signals, Handler]] = []
@@ -43,10 +98,14 @@ class TerminalWatcher:
         for number in self._signals:
             self._previous.append((number, signal.signal(number, self._on_signal)))
         self._progress.start()
+        if self._lines is not None:
+            self._lines.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
+        if self._lines is not None:
+            self._lines.stop()
         for number, handler in self._previous:
             signal.signal(number, handler)
 
@@ -66,6 +125,12 @@ class TerminalWatcher:
     def stop_requested(self) -> bool:
         """Whether the user asked for a stop at the next checkpoint."""
         return self._stop
+
+    def _line(self) -> str:
+        task = self._progress.tasks[self._task]
+        done = f" {task.completed:.0f} of {task.total:.0f}" if task.total is not None and task.total > 1 else ""
+        compiling = f" ({compiling_text()})" if COMPILING.depth else ""
+        return f"surfuse: {task.description}{done}{compiling}, {time.monotonic() - self._began_s:.0f} s"
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if self._stop:

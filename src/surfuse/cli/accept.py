@@ -38,7 +38,7 @@ def accept(
         Path | None, typer.Option("--warm-up", help="Log of a plate that stands still, from switching on.")
     ] = None,
     plant: Annotated[str | None, typer.Option("--plant", help="Fault to plant in the twin.")] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the twin.", min=0)] = 1,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the twin; default 1.", min=0)] = None,
     force: options.Force = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,

@@ -53,7 +53,6 @@ def acquire(
     """Run the main job."""
     from surfuse import settings
     from surfuse.cli._progress import TerminalWatcher
-    from surfuse.commands.acquire import acquisition
 
     texts = options.overrides(assignments, method, seed)
     if scene is not None:
@@ -65,5 +64,8 @@ def acquire(
         texts.append('scan.mode="smooth"')
     configuration = settings.load(cell, texts)
     with TerminalWatcher(quiet or as_json) as watcher:
+        # The import takes seconds: it comes while the watcher shows that something goes on.
+        from surfuse.commands.acquire import acquisition
+
         outcome = acquisition.acquire(configuration, out, watcher)
     return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)

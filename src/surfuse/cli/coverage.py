@@ -29,9 +29,8 @@ def register(app: typer.Typer) -> None:
 def coverage(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Map file, run folder, .mcap or .csv.")],
     truth: Annotated[Path, typer.Option("--truth", help="Mesh (STL, PLY, OBJ), map file or run folder.")],
-    scale: Annotated[
-        float, typer.Option("--scale", help="Factor on the mesh's numbers, 0.001 for mm.", min=1e-9)
-    ] = 1.0,
+    scale: options.Scale = 1.0,
+    truth_frame: options.TruthFrame = "auto",
     method: options.Method = None,
     assignments: options.Set = None,
     as_json: options.Json = False,
@@ -40,7 +39,9 @@ def coverage(
     """Check the intervals."""
     from surfuse.cli._progress import TerminalWatcher
     from surfuse.commands.judge import coverage as work
+    from surfuse.commands.judge.truth_files import TruthFrame
 
-    with TerminalWatcher(quiet or as_json) as watcher:
-        outcome = work.coverage(log, truth, scale, options.overrides(assignments, method, None), watcher)
+    with TerminalWatcher(quiet or as_json, checkpoints=False) as watcher:
+        texts = options.overrides(assignments, method, None)
+        outcome = work.coverage(log, truth, scale, texts, watcher, TruthFrame(truth_frame))
     return options.show(outcome.summary, outcome.table, as_json, quiet)

@@ -8,6 +8,8 @@ from surfuse.cli import _options as options
 
 HELP = """List serial ports, CAN adapters, cameras and IIO devices, and what seems to be on them; nothing is opened.
 
+Then all drivers, with what they still need.
+
 \b
 Examples:
     surfuse devices

@@ -11,7 +11,8 @@ from surfuse.cli import _options as options
 
 HELP = """Fuse readings: LOG is a run folder, an .mcap file or a readings .csv (or a folder that holds readings.csv).
 
-Beside a CSV, sensors.toml, frame.toml and outline.csv are used when they exist.
+Beside a CSV, sensors.toml, frame.toml and outline.csv are used when they exist. With any log, those given as options
+win over what the log says.
 
 \b
 Examples:
@@ -30,7 +31,9 @@ def fuse(
     log: Annotated[Path, typer.Argument(help="Run folder, .mcap or .csv.")],
     out: options.Out = None,
     method: options.Method = None,
-    sensors: Annotated[Path | None, typer.Option("--sensors", help="sensors.toml of the log.")] = None,
+    sensors: Annotated[
+        Path | None, typer.Option("--sensors", help="sensors.toml of the log, or its corrections.")
+    ] = None,
     frame: Annotated[Path | None, typer.Option("--frame", help="frame.toml: the part frame.")] = None,
     outline: Annotated[
         Path | None, typer.Option("--outline", help="outline.csv: columns u,v in the part frame.")

@@ -16,5 +16,5 @@ def methods(as_json: options.Json = False) -> int:
     """List."""
     from surfuse.commands.fuse import methods
 
-    lines = methods.method_lines()
+    lines = methods.method_lines(options.note)
     return options.show({"methods": dict(lines)}, lines, as_json, quiet=False)

@@ -29,8 +29,10 @@ def resume(
 ) -> int:
     """Finish the run."""
     from surfuse.cli._progress import TerminalWatcher
-    from surfuse.commands.acquire import acquisition
 
     with TerminalWatcher(quiet or as_json) as watcher:
+        # The import takes seconds: it comes while the watcher shows that something goes on.
+        from surfuse.commands.acquire import acquisition
+
         outcome = acquisition.resume(run, watcher)
     return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)

@@ -31,7 +31,7 @@ def sensor_sheet(
     numbers: Annotated[Path | None, typer.Option("--numbers", help="JSON file of all numbers.")] = None,
     log: Annotated[Path | None, typer.Option("--log", help="Measured readings instead of the twin.")] = None,
     truth: Annotated[Path | None, typer.Option("--truth", help="Mesh of the true surface, in the log's frame.")] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the twin.", min=0)] = 1,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the twin; default 1.", min=0)] = None,
     force: options.Force = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,

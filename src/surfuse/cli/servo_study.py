@@ -35,6 +35,6 @@ def servo_study(
     from surfuse.commands.servo.servo_study import servo_study as study
 
     configuration = settings.load(cell, options.overrides(assignments, None, None))
-    with TerminalWatcher(quiet or as_json) as watcher:
+    with TerminalWatcher(quiet or as_json, checkpoints=False) as watcher:
         outcome = study(configuration, out, stops, watcher)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

@@ -39,6 +39,6 @@ def sync(
     from surfuse.cli._progress import TerminalWatcher
     from surfuse.commands.calibrate import sync as work
 
-    with TerminalWatcher(quiet or as_json) as watcher:
+    with TerminalWatcher(quiet or as_json, checkpoints=False) as watcher:
         outcome = work.sync(log, truth, max_lag, watcher)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

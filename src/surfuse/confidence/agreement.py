@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from surfuse.fusing.columns import ScanColumns
 from surfuse.geometry.compiled import compiled
 from surfuse.records import FloatArray, IntArray
+from surfuse.records.kernel_columns import ScanColumns
 
 
 @compiled

@@ -15,11 +15,11 @@ import numpy as np
 
 from surfuse.confidence.outline_view import eye_of, seen_at
 from surfuse.confidence.parameters import check_within
-from surfuse.fusing.columns import ScanColumns
 from surfuse.geometry.compiled import compiled
 from surfuse.geometry.polygons import signed_distance_at, signed_distances_into
 from surfuse.geometry.poses import inverse
 from surfuse.records import FloatArray, FusionScene, Gap, Gate, IntArray, Outline, Status
+from surfuse.records.kernel_columns import ScanColumns
 
 NO_ECHO, TOO_CLOSE, FAULT = int(Status.NO_ECHO), int(Status.TOO_CLOSE), int(Status.FAULT)
 PASSED, GATE_NO_ECHO, GATE_TOO_CLOSE, GATE_FAULT = (

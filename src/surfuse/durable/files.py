@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import secrets
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -22,7 +23,9 @@ _CURES = {
     errno.ENOTDIR: "a part of the path is a file, not a folder: choose another folder",
     errno.EISDIR: "it is a folder: give the name of a file",
     errno.ENAMETOOLONG: "choose a shorter name",
+    errno.ELOOP: "it is a symbolic link, which is not followed: remove it",
 }
+_REPLACE_TRIES, _REPLACE_WAIT_S = 10, 0.05
 
 
 def storage_error(error: OSError, path: Path, doing: str) -> StorageError:
@@ -33,7 +36,11 @@ def storage_error(error: OSError, path: Path, doing: str) -> StorageError:
 
 def sync_folder(folder: Path) -> None:
     """Make the names in a folder durable: a new or renamed file survives a power cut only after this."""
-    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except PermissionError:
+        # Windows opens no folders; its file system keeps a journal of names by itself.
+        return
     try:
         os.fsync(descriptor)
     except OSError as error:
@@ -84,13 +91,14 @@ def replacing(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
 
 
 def _publish(temporary: Path, path: Path, overwrite: bool) -> None:
-    descriptor = os.open(temporary, os.O_RDONLY)
+    # Windows syncs only what is open for writing.
+    descriptor = os.open(temporary, os.O_RDWR)
     try:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
     if overwrite:
-        temporary.replace(path)
+        replace_file(temporary, path)
     else:
         # A hard link refuses an existing name, so that two writers cannot both win.
         try:
@@ -98,8 +106,21 @@ def _publish(temporary: Path, path: Path, overwrite: bool) -> None:
         except FileExistsError:
             refuse_existing(path, overwrite)
         except OSError:
-            temporary.replace(path)
+            replace_file(temporary, path)
     sync_folder(path.parent)
+
+
+def replace_file(source: Path, path: Path) -> None:
+    """Rename over whatever is at `path`.
+
+    Windows refuses while a reader, often a virus scanner, has the old file open: that passes, so it is tried again.
+    """
+    for _ in range(_REPLACE_TRIES if os.name == "nt" else 0):
+        with suppress(PermissionError):
+            source.replace(path)
+            return
+        time.sleep(_REPLACE_WAIT_S)
+    source.replace(path)
 
 
 def write_bytes(path: Path, content: bytes, *, overwrite: bool = False) -> None:

@@ -20,10 +20,11 @@ SUFFIXES = (".csv",)
 SUMMARY = "CSV: one node a row (u, v, w, sigma, confidence, count, regime, measured)"
 MARKS_PRIOR = True
 _COLUMNS = "u_m,v_m,w_m,sigma_m,confidence,count,regime"
+_LARGEST_COUNT = 2.0**53  # the largest whole numbers that the text of a float tells apart
 _MEASURED = _COLUMNS + ",measured"
 _SECOND = _MEASURED + ",alternative_w_m,alternative_weight"
 _LAYOUTS = (_COLUMNS, _MEASURED, _SECOND)
-_MARK = "# surfuse map "
+MARK = "# surfuse map "
 
 
 def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
@@ -42,7 +43,7 @@ def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
     }
     second, weight = surface.alternative_height_m, surface.alternative_weight
     two = second is not None and weight is not None
-    lines = [_MARK + json.dumps(head), _SECOND if two else _MEASURED]
+    lines = [MARK + json.dumps(head), _SECOND if two else _MEASURED]
     r, c = np.nonzero(surface.mask)
     columns: list[FloatArray | IntArray | ByteArray] = [
         surface.grid.u_m[c],
@@ -75,11 +76,11 @@ def read(path: Path) -> SurfaceMap:
         raise DataError("not a text file", where=str(path), cure="give a map exported as .csv") from error
     except OSError as error:
         raise StorageError(f"cannot be read: {error.strerror}", where=str(path)) from error
-    if len(lines) < 2 or not lines[0].startswith(_MARK) or lines[1] not in _LAYOUTS:
+    if len(lines) < 2 or not lines[0].startswith(MARK) or lines[1] not in _LAYOUTS:
         cure = "give a map exported as .csv; readings are fused with 'surfuse fuse'"
         raise DataError("not a map exported by surfuse", where=f"{path}:1", cure=cure)
     try:
-        head = json.loads(lines[0].removeprefix(_MARK))
+        head = json.loads(lines[0].removeprefix(MARK))
         grid = MapGrid(u_m=head["u_m"], v_m=head["v_m"], world_from_part=head["world_from_part"])
         method, version = str(head["method"]), int(head["version"])
     except (ValueError, KeyError, TypeError, RecursionError) as error:
@@ -104,8 +105,9 @@ def _surface(path: Path, lines: list[str], grid: MapGrid, method: str, width: in
     confidence, whole, mask = np.zeros(grid.shape), np.zeros((2, *grid.shape)), np.zeros(grid.shape, dtype=bool)
     confidence[row, column], whole[0, row, column], whole[1, row, column] = table[:, 4], table[:, 5], table[:, 6]
     mask[row, column] = True
-    if np.any((whole[1] < 0.0) | (whole[1] > 255.0)) or np.any(whole != np.round(whole)):
-        raise DataError("count and regime must be whole numbers", where=str(path), cure="export again")
+    most = np.array([_LARGEST_COUNT, 255.0])[:, np.newaxis, np.newaxis]
+    if not np.all((whole >= 0.0) & (whole <= most) & (whole == np.round(whole))):
+        raise DataError("count and regime must be whole numbers, 0 or more", where=str(path), cure="export again")
     if not np.all(np.isfinite(table[:, 2])):
         raise DataError("a measured node has no finite height", where=str(path), cure="export again")
     second, weight = empty.copy(), np.zeros(grid.shape)

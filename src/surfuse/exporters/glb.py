@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from surfuse.map_files.mesh_files import write_mesh
+from surfuse.map_files.mesh_files import MESH_NOT_READ, write_mesh
 from surfuse.records import SurfaceMap
 
 SUFFIXES = (".glb",)
 SUMMARY = "GLB: for web viewers and 3-D programs; layers as vertex attributes"
+NOT_READ = MESH_NOT_READ
 MARKS_PRIOR = True
 
 

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from surfuse.map_files.mesh_files import write_mesh
+from surfuse.map_files.mesh_files import MESH_NOT_READ, write_mesh
 from surfuse.records import SurfaceMap
 
 SUFFIXES = (".obj",)
 SUMMARY = "OBJ: for 3-D programs; geometry only"
+NOT_READ = MESH_NOT_READ
 MARKS_PRIOR = False
 
 

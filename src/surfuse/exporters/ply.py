@@ -12,12 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from surfuse.durable import write_bytes
+from surfuse.map_files.mesh_files import MESH_NOT_READ
+from surfuse.map_files.placement import placement_text
 from surfuse.map_files.triangles import mesh_of
 from surfuse.records import SurfaceMap
 
 MEASURED_RGB, PRIOR_RGB = (86, 180, 233), (150, 150, 150)
 SUFFIXES = (".ply",)
 SUMMARY = "PLY (binary): mesh with confidence, stderr and measured at the vertices"
+NOT_READ = MESH_NOT_READ
 MARKS_PRIOR = True
 
 
@@ -48,6 +51,7 @@ def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
     face["n"], face["corner"] = 3, mesh.triangles
     header = (
         "ply\nformat binary_little_endian 1.0\ncomment surfuse map, part frame, metres\n"
+        f"comment {placement_text(surface.grid)}\n"
         f"element vertex {len(vertex)}\nproperty double x\nproperty double y\nproperty double z\n"
         "property float confidence\nproperty float stderr\nproperty uchar measured\n"
         "property uchar red\nproperty uchar green\nproperty uchar blue\n"

@@ -19,6 +19,7 @@ from surfuse.records import SurfaceMap
 
 SUFFIXES = (".png",)
 SUMMARY = "PNG: 16-bit heights with the scale in a text chunk"
+NOT_READ = "a picture of heights keeps neither sigma nor the part frame"
 MARKS_PRIOR = False
 _LEVELS = 65534
 

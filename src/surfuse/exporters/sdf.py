@@ -10,6 +10,7 @@ import sdfio
 from surfuse.durable import write_bytes
 from surfuse.errors import DataError, StorageError
 from surfuse.map_files.heights import equal_step, heights_or_nan, map_of_heights
+from surfuse.map_files.placement import placement_in, placement_text
 from surfuse.records import SurfaceMap
 
 SUFFIXES = (".sdf",)
@@ -34,12 +35,13 @@ def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
         data_type=sdfio.DataType.INT32,
     )
     buffer = io.BytesIO()
-    sdfio.write(buffer, heights_or_nan(surface), x_scale=du, y_scale=dv, metadata=head)
+    where = placement_text(surface.grid, from_first_node=True)
+    sdfio.write(buffer, heights_or_nan(surface), x_scale=du, y_scale=dv, metadata=head, trailer=f"{where}\r\n")
     write_bytes(path, buffer.getvalue(), overwrite=overwrite)
 
 
 def read(path: Path) -> SurfaceMap:
-    """Read heights as a map; its part frame is the world, its origin the first point.
+    """Read heights as a map; in a file of anyone else the part frame is the world, its origin the first point.
 
     Raises
     ------
@@ -54,6 +56,7 @@ def read(path: Path) -> SurfaceMap:
     except (sdfio.SdfError, ValueError, OverflowError, MemoryError) as error:
         raise DataError(f"not a sound SDF file: {error}", where=str(path), cure="export it again") from error
     try:
-        return map_of_heights(file.data, file.header.x_scale, file.header.y_scale, "sdf")
+        text = file.trailer if isinstance(file.trailer, str) else file.trailer.decode("latin-1")
+        return map_of_heights(file.data, file.header.x_scale, file.header.y_scale, "sdf", placement_in(text))
     except DataError as error:
         raise DataError(error.what, where=str(path), cure=error.cure) from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from surfuse import __version__
 from surfuse.durable import write_bytes
 from surfuse.errors import DataError, StorageError
 from surfuse.map_files.heights import equal_step, heights_or_nan, map_of_heights
+from surfuse.map_files.placement import placement_in, placement_text
 from surfuse.records import SurfaceMap
 
 SUFFIXES = (".x3p",)
@@ -38,13 +40,18 @@ def write(path: Path, surface: SurfaceMap, overwrite: bool = False) -> None:
         x_scale=du,
         y_scale=dv,
         revision=x3pio.Revision.ISO5436_2000,
-        metadata=x3pio.Metadata.for_software("surfuse", __version__, date=today),
+        metadata=replace(
+            x3pio.Metadata.for_software("surfuse", __version__, date=today),
+            comment=placement_text(surface.grid, from_first_node=True),
+        ),
     )
     write_bytes(path, buffer.getvalue(), overwrite=overwrite)
 
 
 def read(path: Path) -> SurfaceMap:
-    """Read the first layer of a surface as a map; its part frame is the world, its origin the first point.
+    """Read the first layer of a surface as a map.
+
+    In a file of anyone else the part frame is the world, its origin the first point.
 
     Raises
     ------
@@ -64,4 +71,5 @@ def read(path: Path) -> SurfaceMap:
         raise DataError(f"not a sound X3P file: {error}", where=str(path), cure="export it again") from error
     if not isinstance(file, x3pio.Surface) or not file.is_regular_grid:
         raise DataError("the file holds no surface on a regular grid", where=str(path), cure="give an areal surface")
-    return map_of_heights(file.layers[0].z, file.header.x.increment, file.header.y.increment, "x3p")
+    where = placement_in((file.metadata.comment if file.metadata is not None else None) or "")
+    return map_of_heights(file.layers[0].z, file.header.x.increment, file.header.y.increment, "x3p", where)

@@ -1,7 +1,7 @@
 """Fusion methods that make their map from all readings at once: they collect live, and estimate at the end.
 
-Such a method is one function from a survey and a grid to heights. Live and replayed fusion bring the same readings in
-the same order to the same function, so the numbers agree to the last bit.
+Such a method is one function from a survey and a grid to heights (`mapwise`), or from all readings to a map. Live and
+replayed fusion bring the same readings in the same order to the same function, so the numbers agree to the last bit.
 """
 
 from __future__ import annotations
@@ -13,14 +13,13 @@ import numpy as np
 
 from surfuse.confidence.gate import GateParameters
 from surfuse.errors import DataError
+from surfuse.fusing.median_of_sweep import medians
 from surfuse.fusing.places import counted, nodes_on_part, reach_of
 from surfuse.fusing.survey import Survey, survey
-from surfuse.fusion import median
 from surfuse.interfaces import FusionMethod
 from surfuse.records import (
     BoolArray,
     FloatArray,
-    FusedPoint,
     FusedPoints,
     FusionResult,
     FusionScene,
@@ -43,6 +42,7 @@ class Estimate:
 
 
 Estimator = Callable[[Survey, MapGrid], Estimate]
+Mapper = Callable[[FusionScene, Readings, FusedPoints, MapGrid], SurfaceMap]
 
 
 @dataclass
@@ -56,17 +56,17 @@ class MapwiseState:
 
 @dataclass(frozen=True)
 class MapwiseFusion:
-    """A `FusionMethod` made of a name, a sweep-wise method for its points, and an estimator for its map."""
+    """A `FusionMethod` made of a name, a sweep-wise method for its points, and a function for its map."""
 
     name: str
     local: FusionMethod
-    estimator: Estimator
+    mapper: Mapper
 
     def start(self, scene: FusionScene) -> MapwiseState:
         """A fresh state."""
         return MapwiseState(scene, self.local.start(scene))
 
-    def step(self, state: object, sweep: Sweep) -> FusedPoint:
+    def step(self, state: object, sweep: Sweep) -> FusedPoints:
         """Keep the sweep; the point of this stop is that of the sweep-wise method."""
         own = self._own(state)
         point = self.local.step(own.local, sweep)
@@ -77,20 +77,13 @@ class MapwiseFusion:
         """The points so far and the map of all their readings."""
         own = self._own(state)
         points = self.local.finish(own.local, grid).points
-        return self._result(own.scene, readings_from_sweeps(own.scene.specs, own.sweeps), points, grid)
+        readings = readings_from_sweeps(own.scene.specs, own.sweeps)
+        return FusionResult(points, self.mapper(own.scene, readings, points, grid))
 
     def replay(self, scene: FusionScene, readings: Readings, grid: MapGrid) -> FusionResult:
         """The whole scan at once."""
-        return self._result(scene, readings, self.local.replay(scene, readings, grid).points, grid)
-
-    def _result(self, scene: FusionScene, readings: Readings, points: FusedPoints, grid: MapGrid) -> FusionResult:
-        heard = survey(scene, readings, points.gate, grid)
-        if len(heard) == 0:
-            nothing = np.full(grid.shape, np.nan)
-            estimate = Estimate(nothing, nothing, np.zeros(0, dtype=np.bool_))
-        else:
-            estimate = self.estimator(heard, grid)
-        return FusionResult(points, map_of_estimate(self.name, heard, grid, estimate))
+        points = self.local.replay(scene, readings, grid).points
+        return FusionResult(points, self.mapper(scene, readings, points, grid))
 
     def _own(self, state: object) -> MapwiseState:
         if not isinstance(state, MapwiseState):
@@ -100,10 +93,16 @@ class MapwiseFusion:
         return state
 
 
-def mapwise(name: str, gates: GateParameters, estimator: Estimator) -> FusionMethod:
-    """The method whose points are the medians of the sweeps, and whose map is the estimator's."""
-    local = median.create(median.Parameters(gates.gate_footprints, gates.gate_allowance_m))
-    return MapwiseFusion(name, local, estimator)
+def mapwise(name: str, gates: GateParameters, estimator: Estimator, local: FusionMethod | None = None) -> FusionMethod:
+    """The method whose map is the estimator's, and whose points are those of `local` (default: medians of sweeps)."""
+
+    def mapped(scene: FusionScene, readings: Readings, points: FusedPoints, grid: MapGrid) -> SurfaceMap:
+        heard = survey(scene, readings, points.gate, grid)
+        nothing = np.full(grid.shape, np.nan)
+        none = Estimate(nothing, nothing, np.zeros(0, dtype=np.bool_))
+        return map_of_estimate(name, heard, grid, estimator(heard, grid) if len(heard) else none)
+
+    return MapwiseFusion(name, local or medians(gates), mapped)
 
 
 def map_of_estimate(name: str, heard: Survey, grid: MapGrid, estimate: Estimate) -> SurfaceMap:

@@ -53,6 +53,18 @@ def counted(points_m: FloatArray, grid: MapGrid, reach_m: float) -> IntArray:
     return np.asarray(found, dtype=np.int64).reshape(grid.shape)
 
 
+def excess_sigma(survey: Survey, grid: MapGrid) -> FloatArray:
+    """What a log that states larger standard deviations than the sensors have adds to sigma, in quadrature (R, C).
+
+    For methods that judge how far their readings contradict each other: were that done with the stated deviations,
+    readings that are said to be worse would contradict each other less, and the map could come out surer. They are
+    judged by the deviations of the sensors, and the rest, averaged over the readings of a node, is added here.
+    """
+    usual = float(np.median(survey.sigma_m)) / survey.excess if len(survey) else 0.0
+    read = np.maximum(counted(survey.foot_m[:, :2], grid, reach_of(survey, grid)), 1)
+    return np.asarray(usual * np.sqrt((survey.excess**2 - 1.0) / read), dtype=np.float64)
+
+
 def nodes_on_part(grid: MapGrid, outline: Outline | None, height_m: FloatArray) -> BoolArray:
     """Nodes (R, C) on the part at their height; all of them without an outline."""
     points = np.column_stack([nodes_of(grid), np.nan_to_num(height_m).ravel()])

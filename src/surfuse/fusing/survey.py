@@ -29,7 +29,8 @@ class Survey:
     gives to a surface across its axis. `spread_rad` (N,) is half the beam angle, 0 for a sensor that measures along
     its axis. `aim_m` (N, 2) is where the axis is at the median range, so that a wild range does not move it. `sensor`,
     `sweep`, `row` (N,) say who read it, when, and on which scan line. `seen_m` (K, 2) are the aims of all readings,
-    refused ones too. `spacing_m` is the distance between neighbouring stops (nan: there is one stop).
+    refused ones too. `spacing_m` is the distance between neighbouring stops (nan: there is one stop). `excess` says how
+    much larger (>= 1) the standard deviations that the log states are than those of the sensors, in the median.
     """
 
     start_m: FloatArray
@@ -45,6 +46,7 @@ class Survey:
     seen_m: FloatArray
     spacing_m: float
     outline: Outline | None
+    excess: float = 1.0
 
     def __len__(self) -> int:
         return len(self.range_m)
@@ -54,7 +56,7 @@ class Survey:
         return Survey(
             self.start_m[keep], self.axis[keep], self.range_m[keep], self.foot_m[keep], self.sigma_m[keep],
             self.spread_rad[keep], self.aim_m[keep], self.sensor[keep], self.sweep[keep], self.row[keep],
-            self.seen_m, self.spacing_m, self.outline,
+            self.seen_m, self.spacing_m, self.outline, self.excess,
         )  # fmt: skip
 
 
@@ -69,7 +71,7 @@ def survey(scene: FusionScene, readings: Readings, gate: IntArray, grid: MapGrid
     axis = readings.axis @ part_from_world[:3, :3].T
     specs = scene.specs
     dead = np.array([spec.dead_length_m for spec in specs], dtype=np.float64)[readings.sensor]
-    half = [spec.beam_full_angle_rad / 2.0 if spec.kind == "ultrasonic" else AXIS_TRUE for spec in specs]
+    half = [AXIS_TRUE if spec.along_axis else spec.beam_full_angle_rad / 2.0 for spec in specs]
     stated = np.array([spec.sigma_m for spec in specs], dtype=np.float64)[readings.sensor]
     own = readings.sigma_m
     sigma = np.where((own > 0.0) & np.isfinite(own), own, stated)
@@ -95,6 +97,7 @@ def survey(scene: FusionScene, readings: Readings, gate: IntArray, grid: MapGrid
         seen_m=aim[np.all(np.isfinite(aim), axis=1)],
         spacing_m=_spacing(aim[rows], readings.sensor[rows]),
         outline=scene.outline,
+        excess=max(1.0, float(np.median(sigma[rows] / stated[rows]))) if len(rows) else 1.0,
     )
 
 

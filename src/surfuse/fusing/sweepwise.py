@@ -16,18 +16,10 @@ import numpy as np
 
 from surfuse.confidence.gate import GateParameters, Limits, limits_of
 from surfuse.errors import DataError
-from surfuse.fusing.columns import (
-    PointColumns,
-    ScanColumns,
-    empty_points,
-    fused_point,
-    fused_points,
-    scan_of_readings,
-    scan_of_sweep,
-    stacked,
-)
 from surfuse.geometry.compiled import compiled
-from surfuse.records import FusedPoint, FusionResult, FusionScene, IntArray, MapGrid, Readings, Sweep
+from surfuse.records import FusedPoints, FusionResult, FusionScene, IntArray, MapGrid, Readings, Sweep, stacked_points
+from surfuse.records.checks import check_sensors
+from surfuse.records.kernel_columns import PointColumns, ScanColumns, empty_points, fused_points, scan_of
 
 M = TypeVar("M")
 Walk = Callable[[ScanColumns, Limits, M, PointColumns], None]
@@ -75,15 +67,6 @@ def place(scan: ScanColumns, limits: Limits, out: PointColumns) -> None:
             points[j, d] = part[d, 0] * x + part[d, 1] * y + part[d, 2] * z + part[d, 3]
 
 
-def _known_sensors(sensor: IntArray, known: int) -> None:
-    if len(sensor) and not (int(sensor.min()) >= 0 and int(sensor.max()) < known):
-        raise DataError(
-            f"a reading names sensor {int(sensor.max() if sensor.min() >= 0 else sensor.min())}, "
-            f"but the scene has {known} sensors, numbered from 0",
-            cure="describe every sensor of the log",
-        )
-
-
 @dataclass
 class SweepwiseState(Generic[M]):
     """Where a live fusion stands: limits of the scene, memory of the method, the points so far."""
@@ -91,7 +74,7 @@ class SweepwiseState(Generic[M]):
     sensors: int
     limits: Limits
     memory: M
-    points: list[FusedPoint] = field(default_factory=list)
+    points: list[FusedPoints] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -108,30 +91,31 @@ class SweepwiseFusion(Generic[M]):
         sensors = len(scene.specs)
         return SweepwiseState(sensors, limits_of(scene, self.gates), self.fresh(sensors))
 
-    def step(self, state: object, sweep: Sweep) -> FusedPoint:
+    def step(self, state: object, sweep: Sweep) -> FusedPoints:
         """Take in one sweep: the memory in the state moves on, the point of this stop is returned."""
         own = self._own(state)
-        _known_sensors(sweep.sensor, own.sensors)
-        out = empty_points(1, len(sweep.sensor))
-        self._fill(scan_of_sweep(sweep), own.limits, own.memory, out)
-        point = fused_point(sweep, out)
+        check_sensors(sweep.sensor, own.sensors)
+        point = self._fused(sweep, own.limits, own.memory)
         own.points.append(point)
         return point
 
     def finish(self, state: object, grid: MapGrid) -> FusionResult:
         """All points so far; gridding them is left to the caller."""
-        return FusionResult(points=stacked(self._own(state).points))
+        return FusionResult(points=stacked_points(self._own(state).points))
 
     def replay(self, scene: FusionScene, readings: Readings, grid: MapGrid) -> FusionResult:
         """The whole scan at once."""
-        _known_sensors(readings.sensor, len(scene.specs))
-        out = empty_points(readings.n_sweeps, len(readings.t_s))
-        self._fill(scan_of_readings(readings), limits_of(scene, self.gates), self.fresh(len(scene.specs)), out)
-        return FusionResult(points=fused_points(readings, out))
+        sensors = len(scene.specs)
+        check_sensors(readings.sensor, sensors)
+        return FusionResult(points=self._fused(readings, limits_of(scene, self.gates), self.fresh(sensors)))
 
-    def _fill(self, scan: ScanColumns, limits: Limits, memory: M, out: PointColumns) -> None:
+    def _fused(self, readings: Readings | Sweep, limits: Limits, memory: M) -> FusedPoints:
+        """Live and replayed fusion are this one call: over one stop, or over all of them."""
+        scan = scan_of(readings)
+        out = empty_points(len(scan.row), len(scan.sensor))
         self.walk(scan, limits, memory, out)
         place(scan, limits, out)
+        return fused_points(scan, readings, out)
 
     def _own(self, state: object) -> SweepwiseState[M]:
         if not isinstance(state, SweepwiseState):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from surfuse.geometry.compiled import compiled
 from surfuse.records import FloatArray
 
@@ -35,3 +37,15 @@ def sigma_of_average(
     # With n_e = 1 / q: n_e / (n_e - 1) = 1 / (1 - q). One dominant reading (q near 1) leaves the scatter undetermined.
     external = scatter / (1.0 - squares) if squares < 0.99 else 0.0
     return math.sqrt(max(own, external))
+
+
+def sigma_of_averages(share: FloatArray, deviation_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
+    """`sigma_of_average` of many stops at once: the k readings of each are the rows (k, ...) of the arrays.
+
+    `share` are the weights over their sum, `deviation_m` the values less their average.
+    """
+    squares = np.add.reduce(share * share, axis=0)
+    own = np.add.reduce((share * sigma_m) ** 2, axis=0)
+    scatter = np.add.reduce((share * deviation_m) ** 2, axis=0)
+    external = np.where(squares < 0.99, scatter / np.where(squares < 0.99, 1.0 - squares, 1.0), 0.0)
+    return np.asarray(np.sqrt(np.maximum(own, external)), dtype=np.float64)

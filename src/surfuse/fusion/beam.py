@@ -7,24 +7,17 @@ probable one. The parts are in `beam_model`; the model is explained in docs/expl
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from surfuse.beam_model.echo.detector import DetectorModel
 from surfuse.beam_model.map.estimate import estimate_map
 from surfuse.beam_model.map.live import LiveMap
+from surfuse.confidence.gate import GateParameters
 from surfuse.errors import ConfigError, DataError
-from surfuse.fusion import median
+from surfuse.fusing.mapwise import MapwiseFusion, MapwiseState
+from surfuse.fusing.median_of_sweep import medians
 from surfuse.interfaces import FusionMethod
-from surfuse.records import (
-    FusedPoint,
-    FusionResult,
-    FusionScene,
-    MapGrid,
-    Readings,
-    SurfaceMap,
-    Sweep,
-    readings_from_sweeps,
-)
+from surfuse.records import FusedPoints, FusionScene, MapGrid, Readings, SurfaceMap
 
 SUMMARY = "beam-aware: the surface whose predicted first echoes explain all readings best"
 
@@ -70,64 +63,37 @@ class Parameters:
 
 
 @dataclass
-class BeamState:
-    """Live fusion so far: scene, state of the cheap local estimate, sweeps, and a preview if one was asked for."""
+class BeamState(MapwiseState):
+    """Live fusion so far, and a preview if one was asked for."""
 
-    scene: FusionScene
-    local: object
-    sweeps: list[Sweep] = field(default_factory=list)
     live: LiveMap | None = None
 
 
 @dataclass(frozen=True)
-class BeamFusion:
-    """A `FusionMethod` that collects sweeps, answers each with their median, and estimates the map at the end."""
+class BeamFusion(MapwiseFusion):
+    """The map that explains all readings, which can also be looked at while the scan runs."""
 
     parameters: Parameters
-    local: FusionMethod
-    name: str = "beam"
 
     def start(self, scene: FusionScene) -> BeamState:
         """A fresh state."""
         return BeamState(scene, self.local.start(scene))
 
-    def step(self, state: object, sweep: Sweep) -> FusedPoint:
-        """Keep the sweep; the point of this stop is the median of its valid readings."""
-        own = self._own(state)
-        point = self.local.step(own.local, sweep)
-        own.sweeps.append(sweep)
-        return point
-
     def preview(self, state: object, grid: MapGrid) -> SurfaceMap:
         """The map so far: estimated again around the sweeps since the last call; nothing of it enters the final map."""
         own = self._own(state)
+        if not isinstance(own, BeamState):
+            raise DataError(f"a state of type {type(own).__name__}", cure="pass what start() of 'beam' returned")
         if own.live is None:
             own.live = LiveMap(own.scene, grid, self.parameters.detector, self.parameters.edge_price)
         own.live.update(own.sweeps[len(own.live.sweeps) :])
         return own.live.surface()
 
-    def finish(self, state: object, grid: MapGrid) -> FusionResult:
-        """The points so far and the map that explains all their readings."""
-        own = self._own(state)
-        points = self.local.finish(own.local, grid).points
-        readings = readings_from_sweeps(own.scene.specs, own.sweeps)
-        return FusionResult(points, estimate_map(own.scene, readings, grid, self.parameters.detector,
-                                                 self.parameters.edge_price))  # fmt: skip
-
-    def replay(self, scene: FusionScene, readings: Readings, grid: MapGrid) -> FusionResult:
-        """The whole scan at once."""
-        points = self.local.replay(scene, readings, grid).points
-        return FusionResult(points, estimate_map(scene, readings, grid, self.parameters.detector,
-                                                 self.parameters.edge_price))  # fmt: skip
-
-    def _own(self, state: object) -> BeamState:
-        if not isinstance(state, BeamState):
-            raise DataError(
-                f"'{self.name}' was given a state of type {type(state).__name__}", cure="pass what its start() returned"
-            )
-        return state
-
 
 def create(parameters: Parameters) -> FusionMethod:
-    """The method with these parameters."""
-    return BeamFusion(parameters, median.create(median.Parameters()))
+    """The method with these parameters; the point of a stop is the median of its valid readings."""
+
+    def mapped(scene: FusionScene, readings: Readings, points: FusedPoints, grid: MapGrid) -> SurfaceMap:
+        return estimate_map(scene, readings, grid, parameters.detector, parameters.edge_price)
+
+    return BeamFusion("beam", medians(GateParameters()), mapped, parameters)

@@ -17,7 +17,7 @@ from surfuse.confidence.parameters import check_within
 from surfuse.fusing.cones import columns_within, nearest_node, shell
 from surfuse.fusing.despiking import telling
 from surfuse.fusing.mapwise import Estimate, mapwise
-from surfuse.fusing.places import covered
+from surfuse.fusing.places import covered, excess_sigma
 from surfuse.fusing.survey import Survey
 from surfuse.fusing.voxels import columns_over
 from surfuse.geometry.compiled import compiled
@@ -110,6 +110,6 @@ def create(parameters: Parameters) -> FusionMethod:
             np.ascontiguousarray(grid.v_m), covered(kept, grid), z.bottom_m, z.height_m, z.count,
         )  # fmt: skip
         height, sigma = winners(cast, z.bottom_m, z.height_m)
-        return Estimate(height, sigma, used)
+        return Estimate(height, np.hypot(sigma, excess_sigma(kept, grid)), used)
 
     return mapwise("directional_maximum", parameters, estimate)

@@ -21,12 +21,12 @@ import numpy as np
 from surfuse.confidence.agreement import median_of_sorted
 from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate
 from surfuse.confidence.parameters import check_within
-from surfuse.fusing.columns import PointColumns, ScanColumns
 from surfuse.fusing.plane_filter import Memory, begin, judge, move, update
 from surfuse.fusing.sweepwise import SweepwiseFusion
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FloatArray, Gap, IntArray
+from surfuse.records.kernel_columns import PointColumns, ScanColumns
 
 SUMMARY = "Kalman filter along each scan line: depth and slopes, gated, started afresh at a step"
 NO_CONFIDENCE = int(Gap.NO_CONFIDENCE)

@@ -18,7 +18,7 @@ from surfuse.confidence.gate import GateParameters
 from surfuse.confidence.parameters import check_within
 from surfuse.fusing.despiking import telling
 from surfuse.fusing.mapwise import Estimate, mapwise
-from surfuse.fusing.places import covered, half_cells
+from surfuse.fusing.places import covered, excess_sigma, half_cells
 from surfuse.fusing.survey import Survey
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
@@ -168,10 +168,11 @@ def create(parameters: Parameters) -> FusionMethod:
         # A coarse map must not lose readings between its nodes.
         reach = max(parameters.reach_m, *half_cells(grid, kept.spacing_m))
         height, variance = node_filters(
-            kept.foot_m, kept.sigma_m**2, kept.sweep, kept.row, np.ascontiguousarray(grid.u_m),
+            kept.foot_m, (kept.sigma_m / kept.excess) ** 2, kept.sweep, kept.row, np.ascontiguousarray(grid.u_m),
             np.ascontiguousarray(grid.v_m), reach, parameters.falloff_m, parameters.doubt_m, parameters.slope_sigma,
         )  # fmt: skip
         wanted = covered(kept, grid) & np.isfinite(height)
-        return Estimate(np.where(wanted, height, np.nan), np.sqrt(np.where(wanted, variance, np.nan)), used)
+        sigma = np.hypot(np.sqrt(np.where(wanted, variance, np.nan)), excess_sigma(kept, grid))
+        return Estimate(np.where(wanted, height, np.nan), sigma, used)
 
     return mapwise("kalman_plane", parameters, estimate)

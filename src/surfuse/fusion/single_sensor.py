@@ -14,8 +14,7 @@ import numpy as np
 
 from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate
 from surfuse.confidence.parameters import check_within
-from surfuse.fusing.columns import PointColumns, ScanColumns
-from surfuse.fusing.mapwise import Estimate, MapwiseFusion
+from surfuse.fusing.mapwise import Estimate, mapwise
 from surfuse.fusing.places import covered
 from surfuse.fusing.sites import at_least_scatter, between, mean_sites
 from surfuse.fusing.survey import Survey
@@ -23,6 +22,7 @@ from surfuse.fusing.sweepwise import BLOCK, SweepwiseFusion, block_readings
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
 from surfuse.records import IntArray, MapGrid
+from surfuse.records.kernel_columns import PointColumns, ScanColumns
 
 SUMMARY = "one reading a stop, as from an array of one sensor: what fusion is measured against"
 
@@ -102,4 +102,5 @@ def create(parameters: Parameters) -> FusionMethod:
         height, sigma = between(sites, grid, covered(kept, grid))
         return Estimate(height, sigma, used)
 
-    return MapwiseFusion("single_sensor", SweepwiseFusion("single_sensor", parameters, fresh, walk), estimate)
+    one = SweepwiseFusion("single_sensor", parameters, fresh, walk)
+    return mapwise("single_sensor", parameters, estimate, local=one)

@@ -14,12 +14,12 @@ from surfuse.confidence.boundary import boundary_confidences
 from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate
 from surfuse.confidence.parameters import check_within
 from surfuse.confidence.prediction import WINDOW, predicted_depth, prediction_confidence, remember
-from surfuse.fusing.columns import PointColumns, ScanColumns
 from surfuse.fusing.sweepwise import BLOCK, SweepwiseFusion, block_readings, pieces_at_lines
 from surfuse.fusing.uncertainty import sigma_of_average
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FloatArray, Gap, IntArray
+from surfuse.records.kernel_columns import PointColumns, ScanColumns
 
 SUMMARY = "the paper's average weighted by degrees of confidence: prediction, agreement, boundary"
 NO_CONFIDENCE = int(Gap.NO_CONFIDENCE)

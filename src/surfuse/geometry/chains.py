@@ -64,10 +64,19 @@ class Chain:
         return np.swapaxes(np.concatenate([linear, axis], axis=-1), -1, -2)
 
     def _rows(self, joints_rad: npt.ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
-        joints = np.ascontiguousarray(joints_rad, dtype=np.float64)
+        # A copy of one's own: a kernel is compiled anew for arrays that are read-only.
+        joints = np.array(joints_rad, dtype=np.float64, order="C")
         if joints.ndim == 0 or joints.shape[-1] != len(self.d_m):
             raise DataError(f"joint positions have shape {joints.shape}, wanted (..., {len(self.d_m)})")
         return joints.reshape(-1, len(self.d_m)), joints.shape[:-1]
+
+
+@compiled
+def _copy(pose: FloatArray, result: FloatArray) -> None:
+    """Write a pose into result, entry by entry: a slice that is assigned takes a second to compile."""
+    for r in range(4):
+        for c in range(4):
+            result[r, c] = pose[r, c]
 
 
 @compiled
@@ -101,7 +110,7 @@ def _link_poses(
     poses = np.zeros((n, j + 2, 4, 4))
     poses[:, :, 3, 3] = 1.0
     for i in range(n):
-        poses[i, 0] = base
+        _copy(base, poses[i, 0])
         for k in range(j):
             _times_link(poses[i, k], joints[i, k], d[k], a[k], alpha[k], poses[i, k + 1])
         _times_pose(poses[i, j], tool, poses[i, j + 1])
@@ -116,7 +125,7 @@ def _tool_poses(
     poses = np.zeros((n, 4, 4))
     link = np.empty((4, 4))
     for i in range(n):
-        link[:, :] = base
+        _copy(base, link)
         for k in range(j):
             _times_link(link, joints[i, k], d[k], a[k], alpha[k], link)
         _times_pose(link, tool, poses[i])

@@ -105,8 +105,9 @@ def _signed_distances(points: FloatArray, vertices: FloatArray) -> FloatArray:
 
 def signed_distance(points: npt.ArrayLike, polygon: npt.ArrayLike) -> FloatArray:
     """Distances (N,) of points (N, 2) to the boundary of a polygon (P, 2): positive inside, negative outside."""
-    flat = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
-    return _signed_distances(flat, np.ascontiguousarray(polygon, dtype=np.float64))
+    flat = np.array(points, dtype=np.float64, order="C").reshape(-1, 2)
+    # A copy of one's own: a kernel is compiled anew for arrays that are read-only.
+    return _signed_distances(flat, np.array(polygon, dtype=np.float64, order="C"))
 
 
 def contains(points: npt.ArrayLike, polygon: npt.ArrayLike) -> BoolArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from surfuse.errors import DataError
+from surfuse.map_files.placement import Placement
 from surfuse.records import FloatArray, MapGrid, Regime, SurfaceMap
 
 _STEP_TOLERANCE = 1e-6
@@ -42,15 +43,22 @@ def heights_or_nan(surface: SurfaceMap) -> FloatArray:
     return np.where(surface.measured, surface.height_m, np.nan)
 
 
-def map_of_heights(heights_m: FloatArray, du_m: float, dv_m: float, kind: str) -> SurfaceMap:
-    """A map of plain heights: part frame = world, origin at the first node; sigma and confidence unknown (nan)."""
+def map_of_heights(
+    heights_m: FloatArray, du_m: float, dv_m: float, kind: str, placement: Placement | None = None
+) -> SurfaceMap:
+    """A map of plain heights (R, C); sigma and confidence are unknown (nan).
+
+    Without a placement the part frame is the world, its origin the first node.
+    """
+    where = placement or Placement(np.eye(4))
     rows, columns = heights_m.shape
     mask = np.isfinite(heights_m)
-    u_m: FloatArray = np.arange(columns, dtype=np.float64) * du_m
-    v_m: FloatArray = np.arange(rows, dtype=np.float64) * dv_m
+    u_m: FloatArray = where.first_u_m + np.arange(columns, dtype=np.float64) * du_m
+    v_m: FloatArray = where.first_v_m + np.arange(rows, dtype=np.float64) * dv_m
+    frame = np.eye(4) if where.world_from_part is None else where.world_from_part
     unknown = np.full((rows, columns), np.nan)
     return SurfaceMap(
-        grid=MapGrid(u_m=u_m, v_m=v_m, world_from_part=np.eye(4)),
+        grid=MapGrid(u_m=u_m, v_m=v_m, world_from_part=frame),
         height_m=np.where(mask, heights_m, np.nan),
         sigma_m=unknown,
         confidence=unknown,

@@ -8,8 +8,11 @@ import numpy as np
 import trimesh
 
 from surfuse.durable import write_bytes
+from surfuse.map_files.placement import STL_HEADER_BYTES, placement_text, stl_header
 from surfuse.map_files.triangles import MapMesh, mesh_of
 from surfuse.records import SurfaceMap
+
+MESH_NOT_READ = "a mesh keeps neither the nodes of the map nor its sigma"
 
 
 def trimesh_of(mesh: MapMesh) -> trimesh.Trimesh:
@@ -36,5 +39,14 @@ def write_mesh(path: Path, surface: SurfaceMap, file_type: str, overwrite: bool,
     DataError : there is no cell to write.
     StorageError : the file exists and `overwrite` is false, or the disk refused.
     """
-    content = trimesh_of(mesh_of(surface, with_prior)).export(file_type=file_type)
-    write_bytes(path, content.encode("utf-8") if isinstance(content, str) else bytes(content), overwrite=overwrite)
+    mesh = trimesh_of(mesh_of(surface, with_prior))
+    where = placement_text(surface.grid)
+    if file_type == "glb":
+        mesh.metadata["surfuse"] = where
+    exported = mesh.export(file_type=file_type)
+    content = exported.encode("utf-8") if isinstance(exported, str) else bytes(exported)
+    if file_type == "obj":
+        content = f"# {where}\n".encode() + content
+    elif file_type == "stl":
+        content = stl_header(surface.grid) + content[STL_HEADER_BYTES:]
+    write_bytes(path, content, overwrite=overwrite)

@@ -6,7 +6,9 @@ The axes u and v carry no `axis` attribute (checkers would take them for longitu
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 import h5netcdf
 import numpy as np
@@ -14,28 +16,21 @@ import numpy as np
 from surfuse import __version__
 from surfuse.map_files.decisions import write_decisions
 from surfuse.records import FusedPoints, Gap, Gate, MapGrid, Regime, SurfaceMap
+from surfuse.records.columns import Per
+from surfuse.records.fused import POINT_COLUMNS
 
 FORMAT = "surfuse map"
 FORMAT_VERSION = 1
 
 _Array = np.ndarray[tuple[int, ...], np.dtype[np.generic]]
 
-POINT_COLUMNS = {
-    "stop": ("number of the stop", ""),
-    "row": ("scan line of the stop", ""),
-    "depth_m": ("fused value M(n), the range along the grip axis", "m"),
-    "sigma_m": ("standard deviation of the fused value", "m"),
-    "gap": ("why the stop has no fused value", ""),
-    "reset": ("whether the prediction window started afresh", ""),
-}
-READING_COLUMNS = {
-    "sensor": ("number of the sensor", ""),
-    "dc": ("degree of confidence, the product of its factors", "1"),
-    "dc1": ("factor of prediction", "1"),
-    "dc2": ("factor of agreement", "1"),
-    "dc3": ("factor of the boundary", "1"),
-    "gate": ("why validation kept the reading out", ""),
-}
+VERSION_1 = (
+    "stop", "row", "depth_m", "sigma_m", "gap", "reset", "sensor", "dc", "dc1", "dc2", "dc3", "gate", "point_m",
+)  # fmt: skip
+"""Columns of the fused points in format version 1, in the order of their checksum."""
+
+_DIMENSIONS = {"point_m": ("uvw",)}
+_CODES = (("gap", Gap), ("gate", Gate))
 
 
 def checksum_of(*arrays: _Array) -> int:
@@ -67,13 +62,18 @@ def alternative_arrays(height_m: _Array, weight: _Array) -> tuple[_Array, ...]:
     return height_m, weight
 
 
-def point_arrays(points: FusedPoints) -> tuple[_Array, ...]:
-    """All that the checksum of the fused points covers, in this order."""
-    return tuple(getattr(points, name) for name in (*POINT_COLUMNS, *READING_COLUMNS, "point_m", "start"))
+def later_columns() -> tuple[str, ...]:
+    """Columns of the fused points that came after format version 1, in the order of the table."""
+    return tuple(column.name for column in POINT_COLUMNS if column.name not in VERSION_1)
 
 
-def write_native(path: Path, surface: SurfaceMap, points: FusedPoints | None) -> None:
-    """Write the file in place; the caller makes it atomic."""
+def point_arrays(points: FusedPoints, later: Sequence[str]) -> tuple[_Array, ...]:
+    """All that the checksum of the fused points covers, in this order; `later` are those of the later columns."""
+    return tuple(getattr(points, name) for name in (*VERSION_1, "start", *later))
+
+
+def write_native(path: Path | BinaryIO, surface: SurfaceMap, points: FusedPoints | None) -> None:
+    """Write the file in place, or into memory; the caller makes it atomic."""
     with h5netcdf.File(path, "w") as file:
         file.attrs.update(
             {
@@ -148,15 +148,17 @@ def _write_alternative(file: h5netcdf.File, surface: SurfaceMap) -> None:
 
 def _write_points(group: h5netcdf.Group, points: FusedPoints) -> None:
     """The fused points, ragged: readings of stop j are the rows start[j]:start[j + 1]."""
-    group.attrs["content_crc32"] = np.uint32(checksum_of(*point_arrays(points)))
-    group.dimensions = {"stops": len(points), "edges": len(points) + 1, "readings": len(points.sensor), "uvw": 3}
-    for name, (text, units) in POINT_COLUMNS.items():
-        data = getattr(points, name)
-        _variable(group, name, ("stops",), data.astype(np.int8) if data.dtype == np.bool_ else data, text, units)
-    _variable(group, "point_m", ("stops", "uvw"), points.point_m, "fused point u, v, w in the part frame", "m")
+    group.attrs["content_crc32"] = np.uint32(checksum_of(*point_arrays(points, later_columns())))
+    group.dimensions = {"stops": len(points), "edges": len(points) + 1, "readings": len(points.sensor)}
+    for column in POINT_COLUMNS:
+        data = getattr(points, column.name)
+        tails = _DIMENSIONS.get(column.name) or tuple(f"{column.name}_{k}" for k in range(len(column.tail)))
+        for name, length in zip(tails, data.shape[1:], strict=True):
+            group.dimensions[name] = length
+        dimensions = ("stops" if column.per is Per.STOP else "readings", *tails)
+        stored = data.astype(np.int8) if data.dtype == np.bool_ else data
+        _variable(group, column.name, dimensions, stored, column.meaning, column.unit)
     _variable(group, "start", ("edges",), points.start, "first reading of each stop", "")
-    for name, (text, units) in READING_COLUMNS.items():
-        _variable(group, name, ("readings",), getattr(points, name), text, units)
-    for name, kinds in (("gap", Gap), ("gate", Gate)):
+    for name, kinds in _CODES:
         group.variables[name].attrs["flag_values"] = np.array([int(kind) for kind in kinds], dtype=np.int64)
         group.variables[name].attrs["flag_meanings"] = " ".join(kind.name.lower() for kind in kinds)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -15,14 +16,14 @@ from surfuse.map_files.decisions import read_decisions
 from surfuse.map_files.native import (
     FORMAT,
     FORMAT_VERSION,
-    POINT_COLUMNS,
-    READING_COLUMNS,
     alternative_arrays,
     checksum_of,
+    later_columns,
     layer_arrays,
     point_arrays,
 )
 from surfuse.records import FloatArray, FusedPoints, MapGrid, SurfaceMap
+from surfuse.records.fused import POINT_COLUMNS
 
 _MAX_VALUES = 100_000_000
 _DAMAGE = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, IndexError, MemoryError)
@@ -135,27 +136,9 @@ def read_native_points(path: Path) -> FusedPoints | None:
         if "points" not in file:
             return None
         group = file["points"]
-        names = (*POINT_COLUMNS, *READING_COLUMNS, "point_m", "start")
-        whole = {name: _values(group, name).astype(np.int64) for name in names if name in _WHOLE}
-        real = {name: _values(group, name).astype(np.float64) for name in names if name not in _WHOLE}
-        points = FusedPoints(
-            stop=whole["stop"],
-            row=whole["row"],
-            depth_m=real["depth_m"],
-            sigma_m=real["sigma_m"],
-            point_m=real["point_m"],
-            gap=whole["gap"],
-            reset=whole["reset"] != 0,
-            start=whole["start"],
-            sensor=whole["sensor"],
-            dc=real["dc"],
-            dc1=real["dc1"],
-            dc2=real["dc2"],
-            dc3=real["dc3"],
-            gate=whole["gate"],
-        )
-        _verify(group, checksum_of(*point_arrays(points)))
+        here = [column for column in POINT_COLUMNS if column.name in group or not column.optional]
+        later = [name for name in later_columns() if name in group]
+        values: dict[str, Any] = {column.name: _values(group, column.name).astype(column.dtype) for column in here}
+        points = FusedPoints(start=_values(group, "start").astype(np.int64), **values)
+        _verify(group, checksum_of(*point_arrays(points, later)))
         return points
-
-
-_WHOLE = ("stop", "row", "gap", "reset", "start", "sensor", "gate")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,22 +11,24 @@ from surfuse.geometry.compiled import compiled
 from surfuse.records import FloatArray
 
 
+class RigidArm(NamedTuple):
+    """An arm as kernels take it: lengths, masses (J,), centres (J, 3), inertias (J, 3, 3), gravity (1,); SI units."""
+
+    d: FloatArray
+    a: FloatArray
+    alpha: FloatArray
+    mass: FloatArray
+    center: FloatArray
+    inertia: FloatArray
+    armature: FloatArray
+    gravity: FloatArray
+
+
 @compiled
-def newton_euler(
-    d: FloatArray,
-    a: FloatArray,
-    alpha: FloatArray,
-    mass: FloatArray,
-    center: FloatArray,
-    inertia: FloatArray,
-    armature: FloatArray,
-    gravity: FloatArray,
-    q: FloatArray,
-    qd: FloatArray,
-    qdd: FloatArray,
-    torque: FloatArray,
-) -> None:
+def newton_euler(arm: RigidArm, q: FloatArray, qd: FloatArray, qdd: FloatArray, torque: FloatArray) -> None:
     """Write the torques (J,) of a motion (J,) into `torque`: Luh, Walker and Paul 1980, equations in link frames."""
+    d, a, alpha, mass = arm.d, arm.a, arm.alpha, arm.mass
+    center, inertia, armature, gravity = arm.center, arm.inertia, arm.armature, arm.gravity
     n = q.shape[0]
     turn = np.empty((n, 3, 3))
     force = np.empty((n, 3))
@@ -50,7 +53,7 @@ def newton_euler(
         for r in range(3):
             force[j, r] = mass[j] * at_center[r]
         _angular(inertia[j], spin, spin_rate, moment[j])
-    _outside_in(d, a, alpha, center, turn, force, moment, torque)
+    _outside_in(arm, turn, force, moment, torque)
     for j in range(n):
         torque[j] += armature[j] * qdd[j]
 
@@ -87,17 +90,9 @@ def _angular(inertia: FloatArray, spin: FloatArray, rate: FloatArray, moment: Fl
 
 
 @compiled
-def _outside_in(
-    d: FloatArray,
-    a: FloatArray,
-    alpha: FloatArray,
-    center: FloatArray,
-    turn: FloatArray,
-    force: FloatArray,
-    moment: FloatArray,
-    torque: FloatArray,
-) -> None:
+def _outside_in(arm: RigidArm, turn: FloatArray, force: FloatArray, moment: FloatArray, torque: FloatArray) -> None:
     """Pass forces and moments from the tip to the base; the part along each joint axis is its torque."""
+    d, a, alpha, center = arm.d, arm.a, arm.alpha, arm.center
     n = torque.shape[0]
     f = np.zeros(3)
     m = np.zeros(3)

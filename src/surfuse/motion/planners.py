@@ -77,7 +77,7 @@ def through_lines(
     torque_share: float = 0.75,
     ramp_s: float = 0.03,
 ) -> LinePlanner:
-    """One motion through all points, as fast as tool speed, joint speeds and torques allow; needs the package toppra.
+    """One motion through all points, as fast as tool speed, joint speeds and torques allow.
 
     Without `dynamics` the joint accelerations are limited instead of the torques.
     """

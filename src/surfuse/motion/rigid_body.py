@@ -8,12 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from surfuse.errors import ConfigError, DataError
-from surfuse.motion.newton_euler import newton_euler
+from surfuse.motion.newton_euler import RigidArm, newton_euler
 from surfuse.records import FloatArray
 
 GRAVITY_M_S2 = 9.81
-
-Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -97,9 +95,9 @@ class ArmDynamics:
         if q.ndim == 0 or q.shape[-1] != len(self):
             raise DataError(f"joint states have shape {q.shape}, wanted (..., {len(self)})")
         rows = [np.ascontiguousarray(value.reshape(-1, len(self))) for value in (q, qd, qdd)]
-        torque = np.empty_like(rows[0])
+        torque, arm = np.empty_like(rows[0]), self.kernel_arguments()
         for i in range(len(torque)):
-            newton_euler(*self.kernel_arguments(), rows[0][i], rows[1][i], rows[2][i], torque[i])
+            newton_euler(arm, rows[0][i], rows[1][i], rows[2][i], torque[i])
         return torque.reshape(q.shape)
 
     def inverse_dynamics(
@@ -142,9 +140,9 @@ class ArmDynamics:
             inertia_kg_m2=np.concatenate([self.inertia_kg_m2[:-1], inertia[None]]),
         )
 
-    def kernel_arguments(self) -> Arrays:
-        """The arrays that `newton_euler` takes before the motion."""
-        return (
+    def kernel_arguments(self) -> RigidArm:
+        """The arm as `newton_euler` takes it."""
+        return RigidArm(
             self.d_m,
             self.a_m,
             self.alpha_rad,

@@ -1,4 +1,4 @@
-"""One smooth pass through many joint positions, as fast as speeds and torques allow (Pham and Pham 2018, by toppra)."""
+"""One smooth pass through many joint positions, as fast as speeds and torques allow (Pham and Pham 2018)."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from surfuse.errors import ConfigError, SafetyStopError
 from surfuse.motion.limits import JointLimits
 from surfuse.motion.path_law import PathLaw
+from surfuse.motion.reachability import PathLimits, fastest_speeds
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.records import FloatArray
 
@@ -118,44 +119,28 @@ def _path_speeds(
     parameters: PassParameters,
 ) -> FloatArray:
     """Speed (G,) of the path parameter at every grid point, by reachability analysis."""
-    import toppra  # type: ignore[import-not-found,import-untyped,unused-ignore]
-    import toppra.algorithm  # type: ignore[import-not-found,import-untyped,unused-ignore]
-    import toppra.constraint  # type: ignore[import-not-found,import-untyped,unused-ignore]
-
-    toppra.setup_logging("ERROR")
-    path = toppra.SplineInterpolator(spline.x, spline(spline.x), bc_type="clamped" if len(spline.x) > 2 else "natural")
-    along = spline(grid, 1)
+    along, bend = spline(grid, 1), spline(grid, 2)
     tool = np.linalg.norm(np.einsum("nij,nj->ni", jacobian(spline(grid))[:, :3], along), axis=1)
-    by_tool = parameters.tool_speed_m_s / np.maximum(tool, 1e-9)
-
-    def speed_limit(s: float) -> FloatArray:
-        # One limit of the path speed for all joints at once: that of the tool, as joint speeds at this place.
-        share = float(np.interp(s, grid, by_tool)) * np.abs(spline(s, 1))
-        bound = np.minimum(limits.velocity_rad_s, np.maximum(share, 1e-6))
-        return np.column_stack([-bound, bound])
-
-    between = toppra.constraint.DiscretizationType.Interpolation
+    by_joints = np.min(limits.velocity_rad_s / np.maximum(np.abs(along), 1e-12), axis=1)
+    square = np.minimum(by_joints, parameters.tool_speed_m_s / np.maximum(tool, 1e-9)) ** 2
     if dynamics is None:
-        bounds = np.column_stack([-limits.acceleration_rad_s2, limits.acceleration_rad_s2])
-        effort = toppra.constraint.JointAccelerationConstraint(bounds, between)
+        effort = PathLimits(along, bend, np.zeros_like(along), limits.acceleration_rad_s2, square)
     else:
-        arm, torque = dynamics, parameters.torque_share * dynamics.torque_max_nm
-        effort = toppra.constraint.JointTorqueConstraint(
-            lambda q, qd, qdd: arm.rigid_torque(q, qd, qdd) + arm.viscous_nm_s * qd,
-            np.column_stack([-torque, torque]),
-            arm.coulomb_nm.max(axis=1),
-            discretization_scheme=between,
-        )
-    constraints = [toppra.constraint.JointVelocityConstraintVarying(speed_limit), effort]
-    solver = toppra.algorithm.TOPPRA(constraints, path, gridpoints=grid, solver_wrapper="seidel")
-    _, found, _ = solver.compute_parameterization(0.0, 0.0)
-    if found is None or not np.all(np.isfinite(found)):
+        q, rest = spline(grid), np.zeros_like(along)
+        weight = dynamics.gravity(q)
+        push = dynamics.rigid_torque(q, rest, along) - weight
+        # Viscous friction grows with the speed; taken as growing with its square, it is one more term of b.
+        bent = dynamics.rigid_torque(q, along, bend) + dynamics.viscous_nm_s * along - weight
+        held = weight + dynamics.coulomb_nm.max(axis=1) * np.sign(along)
+        effort = PathLimits(push, bent, held, parameters.torque_share * dynamics.torque_max_nm, square)
+    found = fastest_speeds(grid, effort)
+    if found is None:
         raise SafetyStopError(
             f"no motion along {len(spline.x)} joint positions keeps {100 * parameters.torque_share:.0f} percent of the "
             "torque limits",
             cure="raise torque_share, lighten the tool, or scan stop by stop",
         )
-    return np.asarray(found, dtype=np.float64)
+    return found
 
 
 def _excess(

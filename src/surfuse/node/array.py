@@ -10,11 +10,10 @@ from types import TracebackType
 from typing import Self
 
 from surfuse.errors import ConfigError
-from surfuse.interfaces import Clock
+from surfuse.interfaces import Clock, MonotonicClock
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.client import NodeClient
 from surfuse.node.counters import BusCounters, BusEvent, Tally
-from surfuse.node.firmware import MonotonicClock
 from surfuse.node.link import BusLink, BusParameters, Link, open_bus
 from surfuse.node.messages import ALL_SENSORS, MAX_SENSORS, Heartbeat, KitMessage
 from surfuse.node.timeouts import NodeTimeouts

@@ -9,6 +9,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from surfuse.extras import install_command
+
 _ARPHRD_CAN = "280"
 _USB_HINTS = {
     "1d50:606f": "CAN adapter: gs_usb",
@@ -114,7 +116,7 @@ def _serial_ports(notes: list[str]) -> tuple[SerialPort, ...]:
     try:
         from serial.tools.list_ports import comports
     except ModuleNotFoundError:
-        notes.append("serial ports: not listed, `pip install pyserial`")
+        notes.append(f"serial ports: not listed, {install_command('serial')}")
         return ()
     ports = []
     for port in sorted(comports()):
@@ -129,7 +131,7 @@ def _interfaces(notes: list[str]) -> tuple[str, ...]:
     try:
         import can
     except ModuleNotFoundError:
-        notes.append("CAN: `pip install python-can`")
+        notes.append(f"CAN: not listed, {install_command('can')}")
         return ()
     return tuple(sorted(can.VALID_INTERFACES))
 
@@ -181,6 +183,6 @@ def _sorted(folder: Path) -> list[Path]:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(errors="replace").strip()
+        return path.read_text("utf-8", errors="replace").strip()
     except OSError:
         return ""

@@ -13,18 +13,6 @@ from surfuse.node.responder import Responder
 _POLL_S = 0.05
 
 
-class MonotonicClock:
-    """Seconds of the machine that never go back; waiting is real."""
-
-    def now_s(self) -> float:
-        """Seconds since an arbitrary moment."""
-        return time.monotonic()
-
-    def advance(self, duration_s: float) -> None:
-        """Wait."""
-        time.sleep(max(duration_s, 0.0))
-
-
 class Node:
     """A sensor node in a thread of its own; `with` starts and stops it.
 

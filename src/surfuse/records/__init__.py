@@ -9,15 +9,28 @@ Ranges follow REP-117: `+inf` nothing within range, `-inf` too close, `nan` a fa
 
 from surfuse.records.checks import BoolArray, ByteArray, FloatArray, IntArray
 from surfuse.records.codes import Gap, Gate, Regime, Status
-from surfuse.records.fused import FusedPoint, FusedPoints, FusionScene
+from surfuse.records.findings import Finding, Severity, Trust, trust_of
+from surfuse.records.fused import FusedPoints, FusionScene, stacked_points
 from surfuse.records.guard import GuardReason, RegionDecision, in_words
 from surfuse.records.pictures import CameraFrame, CameraModel, Detection, Outline
 from surfuse.records.plan import ScanPlan, SkippedStop
-from surfuse.records.readings import Readings, readings_from_sweeps
-from surfuse.records.sensing import ULTRASONIC, Echo, Fixture, JointSamples, JointState, LateTable, SensorSpec, Sweep
+from surfuse.records.readings import ReadingColumns, Readings, Sweep, columns_of_echoes, readings_from_sweeps
+from surfuse.records.sensing import (
+    LIGHT_KINDS,
+    SENSOR_KINDS,
+    ULTRASONIC,
+    Echo,
+    Fixture,
+    JointSamples,
+    JointState,
+    LateTable,
+    SensorSpec,
+)
 from surfuse.records.surface import FusionResult, MapGrid, Score, SurfaceMap
 
 __all__ = [
+    "LIGHT_KINDS",
+    "SENSOR_KINDS",
     "ULTRASONIC",
     "BoolArray",
     "ByteArray",
@@ -25,9 +38,9 @@ __all__ = [
     "CameraModel",
     "Detection",
     "Echo",
+    "Finding",
     "Fixture",
     "FloatArray",
-    "FusedPoint",
     "FusedPoints",
     "FusionResult",
     "FusionScene",
@@ -40,16 +53,22 @@ __all__ = [
     "LateTable",
     "MapGrid",
     "Outline",
+    "ReadingColumns",
     "Readings",
     "Regime",
     "RegionDecision",
     "ScanPlan",
     "Score",
     "SensorSpec",
+    "Severity",
     "SkippedStop",
     "Status",
     "SurfaceMap",
     "Sweep",
+    "Trust",
+    "columns_of_echoes",
     "in_words",
     "readings_from_sweeps",
+    "stacked_points",
+    "trust_of",
 ]

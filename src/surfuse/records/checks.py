@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from surfuse.errors import DataError
-from surfuse.geometry.poses import is_rigid
+from surfuse.geometry.poses import are_rigid
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -48,5 +48,93 @@ def own_pose(record: object, *names: str) -> None:
     """Replace fields of a record by owned 4 x 4 arrays, refused unless each is a rigid motion."""
     own(record, np.float64, **dict.fromkeys(names, (4, 4)))
     for name in names:
-        if not is_rigid(getattr(record, name)):
-            raise DataError(f"{type(record).__name__}.{name} is not a right-handed rigid pose")
+        check_rigid(getattr(record, name), f"{type(record).__name__}.{name}")
+
+
+def check_rigid(poses: FloatArray, name: str) -> None:
+    """Refuse poses (..., 4, 4) of which one is no rigid motion."""
+    rigid = are_rigid(poses)
+    if not np.all(rigid):
+        which = "" if poses.ndim == 2 else f"[{int(np.argmin(rigid))}]"
+        raise DataError(
+            f"{name}{which} is not a right-handed rigid pose",
+            cure="give a rotation (orthonormal, determinant +1), a place in metres, and the last row 0, 0, 0, 1",
+        )
+
+
+def check_sensors(sensor: IntArray, known: int) -> None:
+    """Refuse readings (N,) of a sensor that is not among the known ones.
+
+    Raises
+    ------
+    DataError : names the first such sensor.
+    """
+    if len(sensor) and not (sensor.min() >= 0 and sensor.max() < known):
+        wrong = sensor[(sensor < 0) | (sensor >= known)]
+        raise DataError(
+            f"a reading names sensor {wrong[0]}, but there are {known} sensors, numbered from 0",
+            cure="describe every sensor of the log",
+        )
+
+
+UNIT_TOLERANCE = 1e-3
+"""How far the length of a unit vector may be from 1: a file has four digits of it."""
+
+
+def check_unit(axis: FloatArray, name: str) -> None:
+    """Refuse directions (N, 3) of another length than 1; nan is a direction that nobody knows."""
+    square = np.einsum("nk,nk->n", axis, axis)
+    with np.errstate(invalid="ignore"):
+        wrong = np.abs(square - 1.0) > 2.0 * UNIT_TOLERANCE
+    if np.any(wrong):
+        row = int(np.argmax(wrong))
+        raise DataError(
+            f"{name}[{row}] has the length {np.sqrt(square[row]):.6g}, wanted 1",
+            cure="give unit vectors along the beams",
+        )
+
+
+def check_finite(values: FloatArray, name: str) -> None:
+    """Refuse an array that holds nan or an infinite number."""
+    wrong = ~np.isfinite(values)
+    if np.any(wrong):
+        raise DataError(f"{name} holds {values[wrong][0]:g}", cure="give finite numbers")
+
+
+def check_least(values: npt.NDArray[np.floating | np.integer], name: str, least: float) -> None:
+    """Refuse an array that holds a number below `least`; nan is a number that nobody knows."""
+    with np.errstate(invalid="ignore"):
+        wrong = values < least
+    if np.any(wrong):
+        raise DataError(f"{name} holds {values[wrong][0]:g}", cure=f"give {least:g} or more")
+
+
+def check_share(values: FloatArray, name: str) -> None:
+    """Refuse an array with a number outside 0 to 1, to rounding; nan is a number that nobody knows."""
+    with np.errstate(invalid="ignore"):
+        wrong = (values < 0.0) | (values > 1.0 + 1e-9)
+    if np.any(wrong):
+        raise DataError(f"{name} holds {values[wrong][0]:g}", cure="give 0 to 1")
+
+
+def check_increasing(values: FloatArray, name: str) -> None:
+    """Refuse an array that is not finite and increasing."""
+    check_finite(values, name)
+    if np.any(wrong := np.diff(values) <= 0.0):
+        at = int(np.argmax(wrong))
+        raise DataError(
+            f"{name} goes from {values[at]:g} to {values[at + 1]:g} at {at + 1}", cure="give finite, increasing numbers"
+        )
+
+
+def check_number(name: str, value: float, low: float, high: float, *, above: bool = False) -> None:
+    """Refuse a number outside low <= value <= high (low < value with `above`), and one that is not finite.
+
+    Raises
+    ------
+    DataError : names the number, the value and the limits.
+    """
+    if np.isfinite(value) and (low < value if above else low <= value) and value <= high:
+        return
+    upper = "" if high == float("inf") else f" and at most {high:g}"
+    raise DataError(f"{name} = {value:g}", cure=f"give a number {'above' if above else 'of at least'} {low:g}{upper}")

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfuse.records.checks import FloatArray, IntArray, own
+from surfuse.records.checks import FloatArray, IntArray, check_finite, check_number, check_rigid, own
+from surfuse.records.columns import ArrayRecord
 from surfuse.records.pictures import Outline
 
 
@@ -19,8 +20,8 @@ class SkippedStop:
     reason: str
 
 
-@dataclass(frozen=True)
-class ScanPlan:
+@dataclass(frozen=True, eq=False)
+class ScanPlan(ArrayRecord):
     """Targets of the grip in visiting order.
 
     `world_from_grip` (N, 4, 4), `uv_m` (N, 2) where the grip axis meets the acquisition plane (part frame),
@@ -40,6 +41,11 @@ class ScanPlan:
         n = len(self.uv_m)
         own(self, np.float64, world_from_grip=(n, 4, 4), uv_m=(n, 2), joints_rad=(n, None))
         own(self, np.int64, row=(n,))
+        check_rigid(self.world_from_grip, "ScanPlan.world_from_grip")
+        check_finite(self.uv_m, "ScanPlan.uv_m")
+        check_finite(self.joints_rad, "ScanPlan.joints_rad")
+        check_number("ScanPlan.step_m", self.step_m, 0.0, float("inf"), above=True)
+        check_number("ScanPlan.standoff_m", self.standoff_m, 0.0, float("inf"), above=True)
 
     def __len__(self) -> int:
         return len(self.uv_m)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from surfuse.errors import DataError
-from surfuse.records.checks import FloatArray, IntArray, own, own_pose
+from surfuse.errors import DataError, nearest
+from surfuse.records.checks import FloatArray, check_finite, check_increasing, check_number, check_rigid, own
 from surfuse.records.codes import Status
+from surfuse.records.columns import ArrayRecord
 
 
 @dataclass(frozen=True)
@@ -29,11 +30,23 @@ class LateTable:
                 f"late tilts of {np.round(np.degrees(tilts), 2).tolist()} degrees",
                 cure="give increasing tilts from 0 to below 90 degrees",
             )
-        if not (np.all(np.isfinite(self.bias_m)) and np.all(np.array(self.scatter_m) >= 0.0)):
-            raise DataError("a late table with a bias that is not finite or a scatter below 0", cure="calibrate again")
+        if not (
+            np.all(np.isfinite(self.bias_m)) and np.all(np.isfinite(self.scatter_m) & (np.array(self.scatter_m) >= 0.0))
+        ):
+            raise DataError(
+                f"a late table with biases {list(self.bias_m)} m and scatters {list(self.scatter_m)} m",
+                cure="give finite biases, and scatters of 0 or more",
+            )
 
 
 ULTRASONIC = "ultrasonic"
+
+SENSOR_KINDS = (ULTRASONIC, "laser", "infrared", "tof", "touch")
+"""What a sensor measures with: sound in a wide beam, or light (laser spot, infrared, time of flight) or contact along
+its axis."""
+
+LIGHT_KINDS = ("laser", "infrared", "tof")
+_OLDER_KINDS = {"optical": "tof", "lidar": "laser", "sonar": "ultrasonic"}
 
 # Beyond these a wrong unit is likelier than the sensor (kHz for Hz, mm for m).
 _LIMITS = {"frequency_hz": (1e3, 1e9), "aperture_m": (1e-4, 1.0), "dead_length_m": (0.0, 10.0)}
@@ -44,7 +57,8 @@ class SensorSpec:
     """What is known of a range sensor before it is used; the estimators know no more than this.
 
     `dead_length_m` says how far in front of the sensor's origin its beam starts (a tube); the range counts from the
-    origin. `late` is how it was measured to read a tilted plate (None: the estimators use their own models).
+    origin. `late` is how it was measured to read a tilted plate (None: the estimators use their own models). `kind` is
+    one of `SENSOR_KINDS`; "optical", "lidar" and "sonar" of older files are read as "tof", "laser" and "ultrasonic".
     """
 
     name: str
@@ -61,27 +75,50 @@ class SensorSpec:
     late: LateTable | None = None
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.range_min_m < self.range_max_m:
+        self._check_kind()
+        if not 0.0 <= self.range_min_m < self.range_max_m < float("inf"):
             raise DataError(
                 f"sensor '{self.name}': range_min_m = {self.range_min_m} and range_max_m = {self.range_max_m}",
-                cure="give 0 <= range_min_m < range_max_m, in metres",
+                cure="give 0 <= range_min_m < range_max_m, finite, in metres",
             )
         if not 0.0 < self.beam_full_angle_rad <= np.pi:
             degrees = np.degrees(self.beam_full_angle_rad)
             raise DataError(f"sensor '{self.name}': beam_full_angle_deg = {degrees:g}", cure="give 0 < angle <= 180")
-        if not self.sigma_m > 0.0:
+        if not 0.0 < self.sigma_m < float("inf"):
             raise DataError(
                 f"sensor '{self.name}': sigma_m = {self.sigma_m}",
                 cure="give a standard deviation > 0 in metres",
             )
+        check_number(f"sensor '{self.name}': firing_time_s", self.firing_time_s, 0.0, 3600.0)
+        check_number(f"sensor '{self.name}': incidence_limit_rad", self.incidence_limit_rad, 0.0, np.pi / 2, above=True)
         for name, (low, high) in _LIMITS.items():
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
                 raise DataError(f"sensor '{self.name}': {name} = {value:g}", cure=f"give {low:g} to {high:g}")
+        if self.range_min_m < self.dead_length_m:
+            raise DataError(
+                f"sensor '{self.name}': range_min_m = {self.range_min_m:g} lies inside the tube, "
+                f"dead_length_m = {self.dead_length_m:g}",
+                cure="both count from the sensor's origin: give range_min_m >= dead_length_m",
+            )
+
+    def _check_kind(self) -> None:
+        kind = self.kind.lower()
+        kind = _OLDER_KINDS.get(kind, kind)
+        if kind not in SENSOR_KINDS:
+            raise DataError(
+                f"sensor '{self.name}': unknown kind '{self.kind[:40]}'", cure=nearest(kind[:40], SENSOR_KINDS)
+            )
+        object.__setattr__(self, "kind", kind)
+
+    @property
+    def along_axis(self) -> bool:
+        """Whether it measures where its axis ends, as light and contact do, and not anywhere in a wide beam."""
+        return self.kind != "ultrasonic"
 
 
-@dataclass(frozen=True)
-class Fixture:
+@dataclass(frozen=True, eq=False)
+class Fixture(ArrayRecord):
     """Where the S sensors of the array sit: `grip_from_sensor` (S, 4, 4), beams along each sensor's z."""
 
     grip_from_sensor: FloatArray
@@ -89,6 +126,7 @@ class Fixture:
 
     def __post_init__(self) -> None:
         own(self, np.float64, grip_from_sensor=(len(self.specs), 4, 4))
+        check_rigid(self.grip_from_sensor, "Fixture.grip_from_sensor")
 
     def __len__(self) -> int:
         return len(self.specs)
@@ -110,8 +148,8 @@ class Echo:
     count: int = 1
 
 
-@dataclass(frozen=True)
-class JointState:
+@dataclass(frozen=True, eq=False)
+class JointState(ArrayRecord):
     """Joint positions (J,) rad at a moment."""
 
     position_rad: FloatArray
@@ -119,10 +157,11 @@ class JointState:
 
     def __post_init__(self) -> None:
         own(self, np.float64, position_rad=(None,))
+        check_finite(self.position_rad, "JointState.position_rad")
 
 
-@dataclass(frozen=True)
-class JointSamples:
+@dataclass(frozen=True, eq=False)
+class JointSamples(ArrayRecord):
     """Joint positions (T, J) rad at increasing times (T,) s: what the encoders showed during a motion."""
 
     t_s: FloatArray
@@ -130,8 +169,8 @@ class JointSamples:
 
     def __post_init__(self) -> None:
         own(self, np.float64, t_s=(None,), position_rad=(len(self.t_s), None))
-        if np.any(~np.isfinite(self.t_s)) or np.any(np.diff(self.t_s) <= 0.0):
-            raise DataError("joint samples must have finite, increasing times")
+        check_increasing(self.t_s, "JointSamples.t_s")
+        check_finite(self.position_rad, "JointSamples.position_rad")
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -151,47 +190,3 @@ class JointSamples:
                 cure="sample the encoders until the last reading has fired",
             )
         return np.column_stack([np.interp(asked, self.t_s, joint) for joint in self.position_rad.T])
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """The readings of one stop: S readings in columns, with the pose of each sensor as reached (world frame).
-
-    `sensor` (S,) indexes the specs of the scan; a sensor may be missing. `axis` (S, 3) has unit length. `spread_m` (S,)
-    is the scatter of the pings behind each reading, `sigma_m` (S,) the standard deviation of the reading where the log
-    states one, else nan: then the spec's holds.
-    """
-
-    stop: int
-    row: int
-    world_from_grip: FloatArray
-    t_s: FloatArray
-    sensor: IntArray
-    position_m: FloatArray
-    axis: FloatArray
-    range_m: FloatArray
-    status: IntArray
-    amplitude: FloatArray
-    spread_m: FloatArray
-    count: IntArray
-    joints_rad: FloatArray = field(default_factory=lambda: np.zeros(0))
-    sigma_m: FloatArray = field(default_factory=lambda: np.zeros(0))
-
-    def __post_init__(self) -> None:
-        s = len(self.sensor)
-        if not np.size(self.sigma_m):
-            object.__setattr__(self, "sigma_m", np.full(s, np.nan))
-        own(
-            self,
-            np.float64,
-            t_s=(s,),
-            position_m=(s, 3),
-            axis=(s, 3),
-            range_m=(s,),
-            amplitude=(s,),
-            spread_m=(s,),
-            sigma_m=(s,),
-        )
-        own(self, np.int64, sensor=(s,), status=(s,), count=(s,))
-        own(self, np.float64, joints_rad=(None,))
-        own_pose(self, "world_from_grip")

@@ -7,14 +7,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.errors import DataError
-from surfuse.records.checks import BoolArray, ByteArray, FloatArray, IntArray, own, own_pose
+from surfuse.records.checks import (
+    BoolArray,
+    ByteArray,
+    FloatArray,
+    IntArray,
+    check_increasing,
+    check_least,
+    check_share,
+    own,
+    own_pose,
+)
 from surfuse.records.codes import Regime
+from surfuse.records.columns import ArrayRecord
 from surfuse.records.fused import FusedPoints
 from surfuse.records.guard import RegionDecision
 
 
-@dataclass(frozen=True)
-class MapGrid:
+@dataclass(frozen=True, eq=False)
+class MapGrid(ArrayRecord):
     """Node-registered axes of a map: `u_m` (C,) and `v_m` (R,) increasing, in a part frame."""
 
     u_m: FloatArray
@@ -25,8 +36,9 @@ class MapGrid:
         own(self, np.float64, u_m=(None,), v_m=(None,))
         own_pose(self, "world_from_part")
         for name, nodes in (("u_m", self.u_m), ("v_m", self.v_m)):
-            if len(nodes) == 0 or not np.all(np.isfinite(nodes)) or np.any(np.diff(nodes) <= 0.0):
-                raise DataError(f"MapGrid.{name} must be finite, increasing and not empty")
+            if len(nodes) == 0:
+                raise DataError(f"MapGrid.{name} is empty", cure="give at least one node")
+            check_increasing(nodes, f"MapGrid.{name}")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -34,8 +46,8 @@ class MapGrid:
         return len(self.v_m), len(self.u_m)
 
 
-@dataclass(frozen=True)
-class SurfaceMap:
+@dataclass(frozen=True, eq=False)
+class SurfaceMap(ArrayRecord):
     """The fused surface w over (u, v): all layers (R, C), rows along v, columns along u.
 
     `mask` marks the cells that have a value; elsewhere height and sigma are nan. `count` says how many readings a
@@ -57,14 +69,37 @@ class SurfaceMap:
 
     def __post_init__(self) -> None:
         shape = self.grid.shape
-        if self.alternative_height_m is not None and self.alternative_weight is not None:
-            own(self, np.float64, alternative_height_m=shape, alternative_weight=shape)
         own(self, np.float64, height_m=shape, sigma_m=shape, confidence=shape)
         own(self, np.int64, count=shape)
         own(self, np.bool_, mask=shape)
         own(self, np.uint8, regime=shape)
-        if not np.all(np.isfinite(self.height_m[self.mask])):
-            raise DataError("a map has cells marked as measured without a finite height")
+        self._check_layers()
+        self._own_alternative()
+
+    def _check_layers(self) -> None:
+        empty = self.mask & ~np.isfinite(self.height_m)
+        if np.any(empty):
+            row, column = np.argwhere(empty)[0]
+            raise DataError(
+                f"{np.count_nonzero(empty)} cells are marked as measured without a finite height, the first at "
+                f"u = {self.grid.u_m[column]:g} m, v = {self.grid.v_m[row]:g} m",
+                cure="mark only cells that have a value",
+            )
+        check_least(self.sigma_m, "SurfaceMap.sigma_m", 0.0)
+        check_least(self.count, "SurfaceMap.count", 0.0)
+        check_share(self.confidence, "SurfaceMap.confidence")
+        if np.any(self.regime > max(Regime)):
+            raise DataError(f"SurfaceMap.regime holds {self.regime.max()}", cure=f"give 0 to {int(max(Regime))}")
+
+    def _own_alternative(self) -> None:
+        """The second surface: both of its layers, or neither."""
+        if self.alternative_height_m is None and self.alternative_weight is None:
+            return
+        if self.alternative_height_m is None or self.alternative_weight is None:
+            given = "height" if self.alternative_weight is None else "weight"
+            raise DataError(f"a map has the {given} of a second surface alone", cure="give both layers, or neither")
+        own(self, np.float64, alternative_height_m=self.grid.shape, alternative_weight=self.grid.shape)
+        check_share(self.alternative_weight, "SurfaceMap.alternative_weight")
 
     @property
     def measured(self) -> BoolArray:
@@ -72,8 +107,8 @@ class SurfaceMap:
         return np.asarray(self.mask & (self.regime != int(Regime.PRIOR)), dtype=np.bool_)
 
 
-@dataclass(frozen=True)
-class FusionResult:
+@dataclass(frozen=True, eq=False)
+class FusionResult(ArrayRecord):
     """What a fusion method returns: its points, and its own map when it makes one (None: grid the points)."""
 
     points: FusedPoints

@@ -6,6 +6,7 @@ import os
 from importlib.resources import files
 from pathlib import Path
 
+from surfuse.durable import replace_file
 from surfuse.errors import StorageError
 from surfuse.report.markup import Child, Markup, element, join, script_json
 
@@ -91,7 +92,7 @@ def write_page(path: Path, page: str) -> None:
             file.write(page)
             file.flush()
             os.fsync(file.fileno())
-        half.replace(path)
+        replace_file(half, path)
     except OSError as error:
         half.unlink(missing_ok=True)
         raise StorageError(

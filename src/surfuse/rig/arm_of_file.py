@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from surfuse.arm_models import model_file
-from surfuse.errors import ConfigError
+from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.poses import pose
 from surfuse.motion.body import Capsule, body_of, fixture_capsules
 from surfuse.motion.clearance import ClearanceModel
@@ -37,6 +37,9 @@ def model_of_file(settings: Settings, fixture: Fixture) -> ArmModel:
     """
     own = settings.arm
     path = Path(own.file or "")
+    if not path.is_file():
+        what = "it is a folder" if path.exists() else "there is no such file"
+        raise DataError(what, where=str(path), cure="give an MJCF or URDF file")
     if own.tool is None:
         raise ConfigError(
             "no tool frame is named",

@@ -7,6 +7,7 @@ import numpy as np
 from surfuse.arm_models import puma560
 from surfuse.arm_models.puma560_volume import CAPSULES, OWN_PAIRS, TOOL_LINK, column
 from surfuse.errors import ConfigError
+from surfuse.extras import needed_by
 from surfuse.geometry.poses import pose
 from surfuse.motion.body import body_of, fixture_capsules
 from surfuse.motion.clearance import ClearanceModel
@@ -26,14 +27,8 @@ def arm_model(settings: Settings, fixture: Fixture) -> ArmModel:
     DataError : the arm's file is refused.
     """
     if settings.arm.file is not None:
-        try:
+        with needed_by("an arm file", settings.arm.file):
             from surfuse.rig.arm_of_file import model_of_file
-        except ModuleNotFoundError as error:
-            raise ConfigError(
-                f"an arm file needs the package '{error.name}', which is not installed",
-                cure="pip install 'surfuse[dynamics]'",
-                where=settings.arm.file,
-            ) from error
         return model_of_file(settings, fixture)
     if settings.arm.tool is not None:
         raise ConfigError(f"arm.tool = '{settings.arm.tool}' without an arm file", cure="give arm.file, or --arm FILE")

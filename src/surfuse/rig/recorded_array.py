@@ -41,14 +41,7 @@ class RecordedArray(AlwaysOpen):
         moment_s = float(taken.t_s[0]) if len(taken.t_s) else float("nan")
         echoes = [Echo(float("nan"), Status.FAULT, moment_s, count=0)] * len(self._fixture)
         for k, sensor in enumerate(taken.sensor):
-            echoes[int(sensor)] = Echo(
-                range_m=float(taken.range_m[k]),
-                status=Status(int(taken.status[k])),
-                t_s=float(taken.t_s[k]),
-                amplitude=float(taken.amplitude[k]),
-                spread_m=float(taken.spread_m[k]),
-                count=int(taken.count[k]),
-            )
+            echoes[int(sensor)] = taken.echo(k)
         return tuple(echoes)
 
 

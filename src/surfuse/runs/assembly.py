@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from surfuse.errors import DataError
 from surfuse.geometry.poses import FloatArray, inverse, transform_points
-from surfuse.records import IntArray, Readings, SensorSpec, Status
+from surfuse.records import IntArray, ReadingColumns, Readings, SensorSpec, Status
 from surfuse.runs.scan_log import ScanLog
-from surfuse.runs.side_files import RangeCorrection, read_frame, read_outline
+from surfuse.runs.side_files import GivenPart, RangeCorrection
 from surfuse.runs.sweep_grouping import estimate_part_frame, grip_poses, group_by_repeat, row_numbers, sweep_means
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SingleReadings:
-    """Columns (N,) of readings in the order of time; `stop` is None when the log does not number its stops."""
+    """Readings in the order of time; `stop` (N,) is None when the log does not number its stops."""
 
     specs: tuple[SensorSpec, ...]
-    t_s: FloatArray
-    sensor: IntArray
-    position_m: FloatArray
-    axis: FloatArray
-    range_m: FloatArray
-    status: IntArray
-    amplitude: FloatArray
-    sigma_m: FloatArray
+    columns: ReadingColumns
     stop: IntArray | None = None
     corrections: tuple[RangeCorrection, ...] = ()
 
@@ -41,56 +32,57 @@ def status_of_range(range_m: FloatArray) -> IntArray:
     ).astype(np.int64)
 
 
-def assemble(single: SingleReadings, frame: Path | None, outline: Path | None, warnings: list[str]) -> ScanLog:
+def assemble(
+    single: SingleReadings,
+    part: GivenPart,
+    warnings: list[str],
+    sensors_name: str = "sensors.toml",
+    frame_name: str = "frame.toml",
+) -> ScanLog:
     """Group readings into sweeps and scan lines, in the part frame given or estimated.
+
+    `sensors_name` and `frame_name` say in the warnings where sensors and frame come from, or could.
 
     Raises
     ------
-    DataError, ConfigError : the frame or the outline cannot be used, or an outline comes without a frame.
+    DataError : no frame is given, and none can be estimated.
     """
-    if outline is not None and frame is None:
-        raise DataError("an outline without a part frame", where=str(outline), cure="add frame.toml beside it")
     rows, start, stops = _sweeps(single)
-    position, axis = single.position_m[rows], single.axis[rows]
-    if frame is None:
-        world_from_part = estimate_part_frame(sweep_means(start, position), axis.mean(axis=0), single.range_m)
-        warnings.append("no frame.toml: the part frame is estimated from the readings")
+    columns = replace(single.columns, range_m=_corrected(single, warnings, sensors_name)).take(rows)
+    position, axis = columns.position_m, columns.axis
+    if part.world_from_part is None:
+        towards = axis.mean(axis=0)
+        world_from_part = estimate_part_frame(sweep_means(start, position), towards, single.columns.range_m)
+        warnings.append(f"no {frame_name}: the part frame is estimated from the readings")
     else:
-        world_from_part = read_frame(frame)
+        world_from_part = part.world_from_part
     poses = grip_poses(start, position, axis, world_from_part[:3, 0])
     readings = Readings(
         specs=single.specs,
-        t_s=single.t_s[rows],
-        sensor=single.sensor[rows],
-        position_m=position,
-        axis=axis,
-        range_m=_corrected(single, warnings)[rows],
-        status=single.status[rows],
-        amplitude=single.amplitude[rows],
-        sigma_m=single.sigma_m[rows],
-        count=np.ones(len(rows), dtype=np.int64),
         start=start,
         stop=stops,
         row=row_numbers(transform_points(inverse(world_from_part), poses[:, :3, 3])[:, :2]),
         world_from_grip=poses,
+        **columns.by_name(),
     )
     return ScanLog(
         readings=readings,
         world_from_part=world_from_part,
-        frame_estimated=frame is None,
-        outline=None if outline is None else read_outline(outline, world_from_part),
+        frame_estimated=part.world_from_part is None,
+        outline=part.outline,
         warnings=tuple(warnings),
     )
 
 
-def _corrected(single: SingleReadings, warnings: list[str]) -> FloatArray:
+def _corrected(single: SingleReadings, warnings: list[str], sensors_name: str) -> FloatArray:
     """Ranges (N,) with the calibration of their sensors taken out; what is no number stays what it is."""
+    columns = single.columns
     if not any(one != RangeCorrection() for one in single.corrections):
-        return single.range_m
-    offset = np.array([one.offset_m for one in single.corrections])[single.sensor]
-    scale = np.array([one.scale for one in single.corrections])[single.sensor]
-    warnings.append("sensors.toml holds a calibration: offset and scale are taken out of the ranges")
-    return np.asarray((single.range_m - offset) / scale, dtype=np.float64)
+        return columns.range_m
+    offset = np.array([one.offset_m for one in single.corrections])[columns.sensor]
+    scale = np.array([one.scale for one in single.corrections])[columns.sensor]
+    warnings.append(f"{sensors_name} holds a calibration: offset and scale are taken out of the ranges")
+    return np.asarray((columns.range_m - offset) / scale, dtype=np.float64)
 
 
 def _sweeps(single: SingleReadings) -> tuple[IntArray, IntArray, IntArray]:
@@ -99,7 +91,7 @@ def _sweeps(single: SingleReadings) -> tuple[IntArray, IntArray, IntArray]:
     Sweeps come in the order of their first reading; the rows of one stop belong together wherever they are.
     """
     if single.stop is None:
-        sweep = group_by_repeat(single.sensor)
+        sweep = group_by_repeat(single.columns.sensor)
         stops = np.arange(int(sweep[-1]) + 1)
     else:
         found, first, of_row = np.unique(single.stop, return_index=True, return_inverse=True)

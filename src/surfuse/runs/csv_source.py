@@ -28,6 +28,29 @@ class CsvSource:
         self.text = _decode(read_whole(path), path)
         self.delimiter, self.header = _dialect(self.text, path)
 
+    @property
+    def name(self) -> str:
+        """The path of the file."""
+        return str(self.path)
+
+    @property
+    def sensors_name(self) -> str:
+        """The file that describes the sensors."""
+        return "sensors.toml"
+
+    @property
+    def frame_name(self) -> str:
+        """The file that gives the part frame."""
+        return "frame.toml"
+
+    def where(self, row: int, column: str) -> str:
+        """`file:line:column` of a cell."""
+        return f"{self.path}:{self.line_of(row)}:{column}"
+
+    def row_names(self, one: int, other: int) -> str:
+        """The lines of two rows."""
+        return f"lines {self.line_of(one)} and {self.line_of(other)}"
+
     def reader(self) -> CsvReader:
         """A fresh reader that stands behind the header (the first line that is not blank)."""
         reader = csv.reader(io.StringIO(self.text, newline=""), delimiter=self.delimiter, strict=True)

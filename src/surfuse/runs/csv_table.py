@@ -7,46 +7,21 @@ fails is it searched cell by cell for the message.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from surfuse.errors import DataError, nearest
-from surfuse.records import FloatArray, IntArray, Status
+from surfuse.records import FloatArray, Status
 from surfuse.runs.csv_source import CsvSource
+from surfuse.runs.reading_table import STATUS_WORDS, UNKNOWN_STATUS, ReadingTable, with_stop
 
 _BLOCK_ROWS = 2048
-_STATUS_WORDS = {status.name.lower(): int(status) for status in Status} | {str(int(s)): int(s) for s in Status}
 _INF_WORDS = ("inf", "infinity")
-UNKNOWN_STATUS = -1
 
 
-@dataclass(frozen=True)
-class CsvTable:
-    """The cells of a readings CSV: N rows, columns in SI units; absent optional columns are None.
-
-    An empty range is +inf, an empty sigma_m or amplitude nan, an empty status `UNKNOWN_STATUS`.
-    """
-
-    source: CsvSource
-    t_s: FloatArray
-    sensor: list[str]
-    position_m: FloatArray
-    axis: FloatArray
-    range_m: FloatArray
-    status: IntArray | None
-    sigma_m: FloatArray | None
-    amplitude: FloatArray | None
-    stop: IntArray | None
-
-    def where(self, row: int, column: str) -> str:
-        """`file:line:column` of a cell."""
-        return f"{self.source.path}:{self.source.line_of(row)}:{column}"
-
-
-def read_csv_table(path: Path) -> CsvTable:
+def read_csv_table(path: Path) -> ReadingTable:
     """Parse a readings CSV (SPEC: files and commands).
 
     Raises
@@ -113,12 +88,12 @@ class _Columns:
         word = cells[i].strip().lower()
         if not word:
             return UNKNOWN_STATUS
-        if word not in _STATUS_WORDS:
+        if word not in STATUS_WORDS:
             names = tuple(status.name.lower() for status in Status)
             raise DataError(
                 f"unknown status '{cells[i][:40]}'", where=self._where(i, "status"), cure=nearest(word[:40], names)
             )
-        return _STATUS_WORDS[word]
+        return STATUS_WORDS[word]
 
     def _convert(self, column: str, cells: Sequence[str]) -> FloatArray:
         joined = "".join(cells)
@@ -163,7 +138,7 @@ class _Columns:
             if cells[i].strip().lstrip("+-").lower() not in _INF_WORDS:
                 raise DataError(f"'{cells[i][:40]}' is too large", where=self._where(i, column), cure="give SI units")
 
-    def table(self) -> CsvTable:
+    def table(self) -> ReadingTable:
         if self._rows == 0:
             raise DataError("the file has a header but no readings", where=str(self._source.path), cure="add rows")
 
@@ -175,7 +150,7 @@ class _Columns:
             return np.column_stack([np.concatenate(self._numbers[name]) for name in names])
 
         status, stop = column("status"), column("stop")
-        table = CsvTable(
+        table = ReadingTable(
             source=self._source,
             t_s=columns("t")[:, 0],
             sensor=self._sensor,
@@ -187,15 +162,7 @@ class _Columns:
             amplitude=column("amplitude"),
             stop=None,
         )
-        return table if stop is None else _with_stop(table, stop)
-
-
-def _with_stop(table: CsvTable, stop: FloatArray) -> CsvTable:
-    wrong = np.flatnonzero(~(np.isfinite(stop) & (stop == np.round(stop)) & (np.abs(stop) < 2.0**53)))
-    if len(wrong):
-        row = int(wrong[0])
-        raise DataError(f"stop = {stop[row]:g}", where=table.where(row, "stop"), cure="number the stops 0, 1, 2, ...")
-    return replace(table, stop=stop.astype(np.int64))
+        return table if stop is None else with_stop(table, stop)
 
 
 def _is_float(cell: str) -> bool:

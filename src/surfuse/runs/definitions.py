@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from surfuse.runs.sweep_fields import definition_text, logged
+
 _RULE = "=" * 80
 _HEADER = f"""{_RULE}
 MSG: std_msgs/Header
@@ -66,24 +68,7 @@ SCENE = Definition(
     f"{_RULE}\nMSG: surfuse_msgs/LateTable\n{_LATE}",
 )
 
-SWEEP = Definition(
-    "surfuse_msgs/msg/Sweep",
-    """int64 stop
-int64 row
-float64[16] world_from_grip
-float64[] t_s
-int64[] sensor
-float64[] position_m
-float64[] axis
-float64[] range_m
-int64[] status
-float64[] amplitude
-float64[] spread_m
-int64[] count
-float64[] joints_rad
-float64[] sigma_m
-""",
-)
+SWEEP = Definition("surfuse_msgs/msg/Sweep", definition_text(logged()))
 
 PLAN = Definition(
     "surfuse_msgs/msg/Plan",

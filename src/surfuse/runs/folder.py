@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import errno
-import fcntl
-import os
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from surfuse import durable
 from surfuse.errors import DataError, StorageError
 from surfuse.runs.log_files import segment_paths
-
-LOCK_NAME = ".lock"
+from surfuse.runs.run_lock import HOLDER_NAME, LOCK_NAME, RunLock
 
 
 @dataclass(frozen=True)
@@ -105,7 +99,7 @@ class RunFolder:
 
     def lock(self) -> RunLock:
         """The right to write in this folder, to be taken with `with`."""
-        return RunLock(self.path / LOCK_NAME)
+        return RunLock(self.path)
 
     def write_text(self, path: Path, content: str) -> None:
         """Replace a file of this run, atomically and durably."""
@@ -119,46 +113,8 @@ class RunFolder:
 def _unused(path: Path) -> bool:
     """Whether a folder holds nothing but what a run makes before its configuration is written."""
     return all(
-        entry.name == LOCK_NAME
+        entry.name in (LOCK_NAME, HOLDER_NAME)
         or (entry.name.startswith(".run-") and entry.suffix == ".toml")
         or (entry.name == "log" and entry.is_dir() and not any(entry.iterdir()))
         for entry in path.iterdir()
     )
-
-
-class RunLock:
-    """One writer at a time: a lock file with the holder's process id, freed by the system when the holder dies."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._descriptor: int | None = None
-
-    def __enter__(self) -> Self:
-        try:
-            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-        except OSError as error:
-            raise durable.storage_error(error, self.path, "lock the run folder") from error
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            os.ftruncate(descriptor, 0)
-            os.write(descriptor, f"{os.getpid()}\n".encode())
-        except OSError as error:
-            holder = os.pread(descriptor, 20, 0).decode("ascii", "replace").strip()
-            os.close(descriptor)
-            if error.errno in (errno.EAGAIN, errno.EACCES):
-                raise StorageError(
-                    f"another process (pid {holder or 'unknown'}) is writing in this run folder",
-                    where=str(self.path.parent),
-                    cure="wait until it has ended, or choose another folder",
-                ) from error
-            raise durable.storage_error(error, self.path, "lock the run folder") from error
-        self._descriptor = descriptor
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._descriptor is not None:
-            # The file stays: removing it would let two processes lock two files of the same name.
-            os.close(self._descriptor)
-            self._descriptor = None

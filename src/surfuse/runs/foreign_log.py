@@ -17,12 +17,12 @@ from mcap.exceptions import McapError
 from mcap_ros2.decoder import DecoderFactory
 
 from surfuse.errors import DataError, nearest
-from surfuse.records import SensorSpec
+from surfuse.records import ReadingColumns, SensorSpec
 from surfuse.runs.assembly import SingleReadings, assemble, status_of_range
 from surfuse.runs.log_files import log_segments, read_whole
 from surfuse.runs.log_walk import Walk, walk
 from surfuse.runs.scan_log import AssumedSensor, ScanLog
-from surfuse.runs.side_files import METRES_LIMIT, read_corrections, read_sensors
+from surfuse.runs.side_files import METRES_LIMIT, read_corrections, read_part, read_sensors
 from surfuse.runs.transform_tree import TransformTree
 
 _RANGE = "sensor_msgs/msg/Range"
@@ -64,13 +64,16 @@ def read_foreign_log(
         gathered.warnings += [f"{segment.name}: {text}" for _, _, text in found.damage]
         _gather(found, gathered, path)
     if not gathered.frame:
-        listing = ", ".join(f"{topic} ({kind})" for topic, kind in list(gathered.topics.items())[:12]) or "no topics"
+        if not gathered.topics:
+            cure = "give a run folder, an .mcap that was closed properly, or a .csv file"
+            raise DataError("nothing in it can be read as an MCAP log", where=str(path), cure=cure)
+        listing = ", ".join(f"{topic} ({kind})" for topic, kind in list(gathered.topics.items())[:12])
         raise DataError(f"the log has no {_RANGE}; found: {listing}", where=str(path), cure=_NEEDED)
     specs = _specs(gathered, sensors, assumed or AssumedSensor())
     single = _single(gathered, specs, path)
     if sensors is not None:
         single = replace(single, corrections=read_corrections(sensors))
-    return assemble(single, frame, outline, gathered.warnings)
+    return assemble(single, read_part(frame, outline), gathered.warnings)
 
 
 def _decoders(found: Walk, gathered: _Gathered) -> Iterator[tuple[int, str, str, Callable[[bytes], SimpleNamespace]]]:
@@ -188,17 +191,16 @@ def _single(gathered: _Gathered, specs: tuple[SensorSpec, ...], path: Path) -> S
     range_m = np.array(gathered.range_m)[kept]
     if np.any(np.abs(range_m[np.isfinite(range_m)]) > METRES_LIMIT):
         raise DataError(f"ranges beyond {METRES_LIMIT:g} m: millimetres?", where=str(path), cure="record metres")
-    return SingleReadings(
-        specs=specs,
+    columns = ReadingColumns(
         t_s=time_ns[kept] / 1e9,
         sensor=sensor[kept],
         position_m=poses[kept, :3, 3],
         axis=poses[kept, :3, 0],
         range_m=range_m,
         status=status_of_range(range_m),
-        amplitude=np.full(len(kept), np.nan),
         sigma_m=np.array(gathered.sigma_m)[kept],
     )
+    return SingleReadings(specs, columns)
 
 
 def _poses(
@@ -221,6 +223,9 @@ def _poses(
         )
     roots = {gathered.tree.root(name) for name in names}
     if len(roots) > 1:
+        if not gathered.topics:
+            cure = "give a run folder, an .mcap that was closed properly, or a .csv file"
+            raise DataError("nothing in it can be read as an MCAP log", where=str(path), cure=cure)
         listing = ", ".join(sorted(roots))
         raise DataError(f"the sensors hang on different frames ({listing})", where=str(path), cure="join them in /tf")
     for i in np.unique(sensor):

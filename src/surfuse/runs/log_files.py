@@ -29,7 +29,11 @@ def log_segments(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
     if not path.exists():
-        raise DataError("there is no such file or folder", where=str(path), cure="give a run folder or an .mcap file")
+        raise DataError(
+            f"there is no such {'file' if path.suffix else 'file or folder'}",
+            where=str(path),
+            cure="check the path; a log is a run folder, an .mcap or a .csv file",
+        )
     for folder in (path / "log", path):
         found = segment_paths(folder) if folder.is_dir() else []
         if found:

@@ -20,6 +20,7 @@ from surfuse.runs.log_records import FORMAT_VERSION, Damage, LogDamage, LogEvent
 from surfuse.runs.log_walk import Walk, walk
 from surfuse.runs.own_topics import EVENT_TOPIC, OWN_TOPICS, PLAN_TOPIC, SCENE_TOPIC, SWEEP_TOPIC, VIEW_TOPIC
 from surfuse.runs.segment import MARK
+from surfuse.runs.sweep_fields import VERSION_1, definition_text, logged
 
 _DECODE_ERRORS = (McapError, ValueError, TypeError, IndexError, AttributeError, struct.error, EOFError, SurfuseError)
 
@@ -145,8 +146,11 @@ def _own_channels(found: Walk) -> dict[int, tuple[Channel, Schema]]:
     }
     mark = found.metadata.get(MARK, {})
     if not channels and mark.get("log_format") == str(FORMAT_VERSION):
+        # Fields are only ever added behind the others: a log has the first ones, as many as it says.
+        fields = int(mark.get("sweep_fields", len(VERSION_1)))
         for number, (topic, definition) in enumerate(OWN_TOPICS, start=1):
-            schema = Schema(id=number, data=definition.text.encode(), encoding="ros2msg", name=definition.name)
+            text = definition_text(logged()[:fields]) if topic == SWEEP_TOPIC else definition.text
+            schema = Schema(id=number, data=text.encode(), encoding="ros2msg", name=definition.name)
             channel = Channel(id=number, topic=topic, message_encoding="cdr", metadata={}, schema_id=number)
             channels[number] = (channel, schema)
     return channels

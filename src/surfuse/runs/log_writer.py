@@ -10,6 +10,7 @@ from typing import Self
 from surfuse.durable import storage_error
 from surfuse.errors import DataError
 from surfuse.records import CameraFrame, FusionScene, JointSamples, ScanPlan, SensorSpec, Sweep
+from surfuse.records.checks import check_sensors
 from surfuse.runs import definitions as msg
 from surfuse.runs import own_messages as own
 from surfuse.runs import ros_messages as ros
@@ -113,11 +114,7 @@ class LogWriter:
         scene = self._scene
         if scene is None:
             raise DataError("a sweep needs the scene before it", cure="call append_scene first")
-        if len(sweep.sensor) and not 0 <= int(sweep.sensor.min()) <= int(sweep.sensor.max()) < len(scene.specs):
-            raise DataError(
-                f"stop {sweep.stop} names sensor {int(sweep.sensor.max())}, the scene has {len(scene.specs)} sensors",
-                cure="log the scene that this sweep was taken in",
-            )
+        check_sensors(sweep.sensor, len(scene.specs))
         if self._sweeps >= SWEEPS_PER_SEGMENT:
             self._close_segment()
         segment = self._current()

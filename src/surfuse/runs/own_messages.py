@@ -22,6 +22,7 @@ from surfuse.records import (
     SkippedStop,
     Sweep,
 )
+from surfuse.runs import sweep_fields
 from surfuse.runs.log_records import FORMAT_VERSION, Level, LogEvent
 
 Message = dict[str, object]
@@ -72,42 +73,12 @@ def _list(message: Decoded, name: str) -> list[Decoded]:
 
 def sweep_message(sweep: Sweep) -> Message:
     """One stop with all its readings."""
-    return {
-        "stop": sweep.stop,
-        "row": sweep.row,
-        "world_from_grip": _flat(sweep.world_from_grip),
-        "t_s": _flat(sweep.t_s),
-        "sensor": _whole(sweep.sensor),
-        "position_m": _flat(sweep.position_m),
-        "axis": _flat(sweep.axis),
-        "range_m": _flat(sweep.range_m),
-        "status": _whole(sweep.status),
-        "amplitude": _flat(sweep.amplitude),
-        "spread_m": _flat(sweep.spread_m),
-        "count": _whole(sweep.count),
-        "joints_rad": _flat(sweep.joints_rad),
-        "sigma_m": _flat(sweep.sigma_m),
-    }
+    return sweep_fields.sweep_message(sweep)
 
 
 def sweep_record(message: Decoded) -> Sweep:
-    """Inverse of `sweep_message`."""
-    return Sweep(
-        stop=int(_number(message, "stop")),
-        row=int(_number(message, "row")),
-        world_from_grip=_floats(message, "world_from_grip", 4, 4),
-        t_s=_floats(message, "t_s"),
-        sensor=_ints(message, "sensor"),
-        position_m=_floats(message, "position_m", -1, 3),
-        axis=_floats(message, "axis", -1, 3),
-        range_m=_floats(message, "range_m"),
-        status=_ints(message, "status"),
-        amplitude=_floats(message, "amplitude"),
-        spread_m=_floats(message, "spread_m"),
-        count=_ints(message, "count"),
-        joints_rad=_floats(message, "joints_rad"),
-        sigma_m=_floats(message, "sigma_m"),
-    )
+    """Inverse of `sweep_message`; logs from before a column existed do not hold it."""
+    return sweep_fields.sweep_of(lambda name: getattr(message, name, None))
 
 
 def outline_message(outline: Outline) -> Message:

@@ -105,7 +105,7 @@ def range_message(sweep: Sweep, i: int, spec: SensorSpec) -> Message:
     sigma = own if math.isfinite(own) and own > 0.0 else spec.sigma_m
     return {
         "header": _header(float(sweep.t_s[i]), spec.name),
-        "radiation_type": 0 if spec.kind.lower().startswith(("ultra", "sonar", "polaroid")) else 1,
+        "radiation_type": 1 if spec.along_axis else 0,
         "field_of_view": _single(spec.beam_full_angle_rad),
         "min_range": _single(spec.range_min_m),
         "max_range": _single(spec.range_max_m),

@@ -9,7 +9,7 @@ import numpy as np
 
 from surfuse.errors import DataError
 from surfuse.geometry.poses import FloatArray
-from surfuse.records import FusionScene, Outline, Readings, Status
+from surfuse.records import FusionScene, IntArray, Outline, Readings, Status
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,21 @@ class AssumedSensor:
     range_min_m: float = 0.0
     range_max_m: float = 4.0
     sigma_m: float = 0.003
+
+
+_FEW = 0.5
+
+
+def few_echoes(status: IntArray) -> str | None:
+    """A sentence about readings with these statuses (N,) when less than half of them are echoes; None otherwise."""
+    heard = int(np.count_nonzero(status == int(Status.OK)))
+    if heard >= _FEW * len(status):
+        return None
+    return (
+        f"only {heard} of {len(status)} readings are echoes ({100.0 * heard / len(status):.0f} %, at least 50 % are "
+        "usual): what was heard may not be the part; check the distance, the sensors' nearest range and how the part "
+        "stands"
+    )
 
 
 def require_echoes(readings: Readings, where: str) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from surfuse.errors import DataError
 from surfuse.runs.foreign_log import read_foreign_log
+from surfuse.runs.given_side_files import with_side_files
 from surfuse.runs.log_files import log_segments
 from surfuse.runs.log_reader import is_own_log, read_log
 from surfuse.runs.log_records import Damage
@@ -14,6 +16,38 @@ from surfuse.runs.scan_log import AssumedSensor, ScanLog
 from surfuse.runs.tof_vicon import is_tof_vicon, read_tof_vicon
 
 CSV_NAME = "readings.csv"
+_SIDE_FILES = ("sensors", "frame", "outline")
+
+
+@dataclass(frozen=True)
+class LogSource:
+    """A log and the side files that were given for it, as the table `source` of a run.toml names them."""
+
+    log: Path
+    sensors: Path | None = None
+    frame: Path | None = None
+    outline: Path | None = None
+
+    def load(self) -> ScanLog:
+        """Read it; see `load_scan`."""
+        return load_scan(self.log, self.sensors, self.frame, self.outline)
+
+    def table(self) -> dict[str, str]:
+        """The table for a run.toml, with whole paths."""
+        given = {"log": self.log, **{key: self.side_file(key) for key in _SIDE_FILES}}
+        return {key: str(path.resolve()) for key, path in given.items() if path is not None}
+
+    def side_file(self, key: str) -> Path | None:
+        """The side file of that name."""
+        return {"sensors": self.sensors, "frame": self.frame, "outline": self.outline}[key]
+
+
+def source_of_table(table: object) -> LogSource | None:
+    """The source that a run.toml names; None when it names no log."""
+    if not isinstance(table, dict) or not isinstance(table.get("log"), str):
+        return None
+    files = [Path(value) if isinstance(value := table.get(key), str) else None for key in _SIDE_FILES]
+    return LogSource(Path(table["log"]), *files)
 
 
 def load_scan(
@@ -23,7 +57,7 @@ def load_scan(
     outline: Path | None = None,
     assumed: AssumedSensor | None = None,
 ) -> ScanLog:
-    """Read the readings, sensors, part frame and outline of a log; the side files are for logs that are not ours.
+    """Read the readings, sensors, part frame and outline of a log; side files that are given win over the log's own.
 
     A folder that holds a readings.csv means that file; one with time-of-flight frames and motion-capture poses is a
     recording of them.
@@ -36,7 +70,7 @@ def load_scan(
     if (path / CSV_NAME).is_file():
         path = path / CSV_NAME
     if is_tof_vicon(path):
-        return read_tof_vicon(path).scan
+        return with_side_files(read_tof_vicon(path).scan, sensors, frame, outline)
     if path.is_file() and path.suffix.lower() in (".csv", ".txt", ".tsv"):
         return read_readings_csv(path, sensors, frame, outline, assumed)
     if path.is_file() and path.suffix.lower() != ".mcap":
@@ -45,7 +79,7 @@ def load_scan(
         )
     log_segments(path)
     if is_own_log(path):
-        return own_scan(path)
+        return with_side_files(own_scan(path), sensors, frame, outline)
     return read_foreign_log(path, sensors, frame, outline, assumed)
 
 

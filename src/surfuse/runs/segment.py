@@ -15,11 +15,14 @@ from surfuse.errors import StorageError
 from surfuse.runs.definitions import Definition
 from surfuse.runs.log_records import FORMAT_VERSION
 from surfuse.runs.own_messages import Message
+from surfuse.runs.sweep_fields import logged
 
+_BINARY = getattr(os, "O_BINARY", 0)  # else Windows would end every line of the bytes in its own way
 # A chunk ends when it is committed, never by its size: one stop is one chunk, whole or not there.
 _UNLIMITED_CHUNK = 1 << 40
 MARK = "surfuse"
-"""Name of the metadata record at the head of our segments; it says `log_format` and `version`."""
+"""Name of the metadata record at the head of our segments; it says `log_format`, `version` and `sweep_fields`: how many
+fields a message of a sweep has."""
 
 
 class _Sink:
@@ -87,9 +90,10 @@ class Segment:
         self._safe_size = 0
         self._sink = _Sink()
         self._writer = _RosWriter(self._sink)
-        self._writer.add_metadata(MARK, {"log_format": str(FORMAT_VERSION), "version": __version__})
+        mark = {"log_format": str(FORMAT_VERSION), "version": __version__, "sweep_fields": str(len(logged()))}
+        self._writer.add_metadata(MARK, mark)
         try:
-            self._descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+            self._descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | _BINARY, 0o666)
         except OSError as error:
             raise storage_error(error, path, "create the log segment") from error
         try:

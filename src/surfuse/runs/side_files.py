@@ -21,7 +21,7 @@ from surfuse.runs.toml_file import number, read_toml, refuse_unknown, vector
 METRES_LIMIT = 50.0
 """Positions and ranges beyond this are taken for millimetres and refused."""
 
-_SENSOR_KEYS = (
+SENSOR_KEYS = (
     "kind",
     "beam_full_angle_deg",
     "range_min_m",
@@ -51,46 +51,70 @@ class RangeCorrection:
     scale: float = 1.0
 
 
-def read_sensors(path: Path) -> tuple[SensorSpec, ...]:
-    """Sensor specifications, one table a sensor, in the order of the file.
+@dataclass(frozen=True)
+class DescribedSensor:
+    """All that a table of sensors.toml says of a sensor: what it is, and its calibration."""
+
+    spec: SensorSpec
+    correction: RangeCorrection
+
+
+@dataclass(frozen=True)
+class GivenPart:
+    """What is known of the part before the readings: its frame (4, 4) and its outline in it (None: unknown)."""
+
+    world_from_part: FloatArray | None = None
+    outline: Outline | None = None
+
+
+def read_described_sensors(path: Path) -> tuple[DescribedSensor, ...]:
+    """The sensors of a sensors.toml, one table a sensor, in the order of the file.
 
     Raises
     ------
-    ConfigError : unknown or missing keys, wrong types, no sensor.
+    ConfigError : unknown or missing keys, wrong types, no sensor, a scale outside of 0.5 to 2.
     DataError : values outside their limits.
-    """
-    tables = read_toml(path)
-    specs = []
-    for name, table in tables.items():
-        where = f"{path}:[{name}]"
-        if not isinstance(table, Mapping):
-            raise ConfigError(f"'{name}' is not a table", where=str(path), cure="write one table [name] a sensor")
-        refuse_unknown(table, _SENSOR_KEYS, where)
-        try:
-            specs.append(_spec(name, table, where))
-        except DataError as error:
-            raise DataError(error.what, where=where, cure=error.cure) from error
-    if not specs:
-        raise ConfigError("the file names no sensor", where=str(path), cure="write one table [name] a sensor")
-    return tuple(specs)
-
-
-def read_corrections(path: Path) -> tuple[RangeCorrection, ...]:
-    """The calibrated offset and scale of each sensor of a sensors.toml; 0 and 1 where the file has none.
-
-    Raises
-    ------
-    ConfigError : not numbers, or a scale outside of 0.5 to 2.
     """
     found = []
     for name, table in read_toml(path).items():
-        where = f"{path}:[{name}]"
-        if isinstance(table, Mapping):
-            scale = number(table, "scale", where, 1.0)
-            if not 0.5 <= scale <= 2.0:
-                raise ConfigError(f"scale = {scale:g}", where=where, cure="give a factor near 1, from 0.5 to 2")
-            found.append(RangeCorrection(number(table, "offset_m", where, 0.0), scale))
+        if not isinstance(table, Mapping):
+            raise ConfigError(f"'{name}' is not a table", where=str(path), cure="write one table [name] a sensor")
+        found.append(described_sensor(name, table, f"{path}:[{name}]"))
+    if not found:
+        raise ConfigError("the file names no sensor", where=str(path), cure="write one table [name] a sensor")
     return tuple(found)
+
+
+def read_sensors(path: Path) -> tuple[SensorSpec, ...]:
+    """The specifications alone; see `read_described_sensors`."""
+    return tuple(one.spec for one in read_described_sensors(path))
+
+
+def read_corrections(path: Path) -> tuple[RangeCorrection, ...]:
+    """The calibrated offset and scale of each sensor alone, 0 and 1 where the file has none."""
+    return tuple(one.correction for one in read_described_sensors(path))
+
+
+def described_sensor(name: str, table: Mapping[str, object], where: str) -> DescribedSensor:
+    """The sensor `name` from the keys of its table; `where` stands before every message.
+
+    Raises
+    ------
+    ConfigError : unknown or missing keys, wrong types, a scale outside of 0.5 to 2.
+    DataError : values outside their limits.
+    """
+    refuse_unknown(table, SENSOR_KEYS, where)
+    try:
+        return DescribedSensor(_spec(name, table, where), _correction(table, where))
+    except DataError as error:
+        raise DataError(error.what, where=where, cure=error.cure) from error
+
+
+def _correction(table: Mapping[str, object], where: str) -> RangeCorrection:
+    scale = number(table, "scale", where, 1.0)
+    if not 0.5 <= scale <= 2.0:
+        raise ConfigError(f"scale = {scale:g}", where=where, cure="give a factor near 1, from 0.5 to 2")
+    return RangeCorrection(number(table, "offset_m", where, 0.0), scale)
 
 
 def _spec(name: str, table: Mapping[str, object], where: str) -> SensorSpec:
@@ -143,15 +167,19 @@ def read_frame(path: Path) -> FloatArray:
     ConfigError : unknown or missing keys, not three numbers.
     DataError : axes that are zero or parallel.
     """
-    table = read_toml(path)
-    refuse_unknown(table, ("origin", "u", "v"), str(path))
-    origin, u, v = (vector(table, key, str(path)) for key in ("origin", "u", "v"))
+    return described_frame(read_toml(path), str(path))
+
+
+def described_frame(table: Mapping[str, object], where: str) -> FloatArray:
+    """`world_from_part` (4, 4) from the keys origin, u and v of a table; errors as `read_frame`."""
+    refuse_unknown(table, ("origin", "u", "v"), where)
+    origin, u, v = (vector(table, key, where) for key in ("origin", "u", "v"))
     if max(map(abs, origin)) > METRES_LIMIT:
-        raise ConfigError(f"origin = {list(origin)} looks like millimetres", where=str(path), cure="give metres")
+        raise ConfigError(f"origin = {list(origin)} looks like millimetres", where=where, cure="give metres")
     try:
         return frame_from_axes(origin, u, v)
     except DataError as error:
-        raise DataError(error.what, where=str(path), cure=error.cure) from error
+        raise DataError(error.what, where=where, cure=error.cure) from error
 
 
 def read_outline(path: Path, world_from_part: FloatArray) -> Outline:
@@ -174,16 +202,41 @@ def read_outline(path: Path, world_from_part: FloatArray) -> Outline:
         vertices = [_vertex(row, header, f"{path}:{rows.line_num}") for row in rows if row]
     except csv.Error as error:
         raise DataError(f"not a CSV file: {error}", where=f"{path}:{rows.line_num}") from error
+    return described_outline(vertices, world_from_part, str(path))
+
+
+def described_outline(vertices: list[tuple[float, float]], world_from_part: FloatArray, where: str) -> Outline:
+    """The outline through finite vertices (u, v) in metres, made counter-clockwise; a last one like the first is left.
+
+    Raises
+    ------
+    DataError : fewer than 3 vertices, or no area.
+    """
     if len(vertices) > 1 and vertices[0] == vertices[-1]:
-        vertices.pop()
+        vertices = vertices[:-1]
     if len(vertices) < 3:
-        raise DataError(f"the outline has {len(vertices)} vertices", where=str(path), cure="give at least 3")
+        raise DataError(f"the outline has {len(vertices)} vertices", where=where, cure="give at least 3")
     points = np.array(vertices)
     u, v = points.T
     twice_area = float(np.sum(u * np.roll(v, -1) - np.roll(u, -1) * v))
     if twice_area == 0.0:
-        raise DataError("the outline has no area", where=str(path), cure="give vertices around the part")
+        raise DataError("the outline has no area", where=where, cure="give vertices around the part")
     return Outline(vertices_m=points if twice_area > 0.0 else points[::-1], world_from_part=world_from_part)
+
+
+def read_part(frame: Path | None, outline: Path | None) -> GivenPart:
+    """The part frame and the outline of the files that there are.
+
+    Raises
+    ------
+    DataError, ConfigError : a file cannot be used, or an outline comes without a frame.
+    """
+    if frame is None:
+        if outline is not None:
+            raise DataError("an outline without a part frame", where=str(outline), cure="add frame.toml beside it")
+        return GivenPart()
+    world_from_part = read_frame(frame)
+    return GivenPart(world_from_part, None if outline is None else read_outline(outline, world_from_part))
 
 
 def _vertex(row: list[str], header: list[str], where: str) -> tuple[float, float]:
@@ -209,11 +262,11 @@ def sensors_toml(specs: tuple[SensorSpec, ...]) -> str:
         lines = [
             f"[{json.dumps(spec.name, ensure_ascii=False)}]",
             f"kind = {json.dumps(spec.kind, ensure_ascii=False)}",
-            f"beam_full_angle_deg = {_degrees(spec.beam_full_angle_rad)!r}",
+            f"beam_full_angle_deg = {exact_degrees(spec.beam_full_angle_rad)!r}",
             f"range_min_m = {float(spec.range_min_m)!r}",
             f"range_max_m = {float(spec.range_max_m)!r}",
             f"sigma_m = {float(spec.sigma_m)!r}",
-            f"incidence_limit_deg = {_degrees(spec.incidence_limit_rad)!r}",
+            f"incidence_limit_deg = {exact_degrees(spec.incidence_limit_rad)!r}",
             f"firing_time_s = {float(spec.firing_time_s)!r}",
         ]
         if spec.dead_length_m > 0.0:
@@ -223,14 +276,14 @@ def sensors_toml(specs: tuple[SensorSpec, ...]) -> str:
         if spec.aperture_m is not None:
             lines.append(f"aperture_m = {float(spec.aperture_m)!r}")
         if spec.late is not None:
-            lines.append(f"late_tilt_deg = {[_degrees(tilt) for tilt in spec.late.tilt_rad]!r}")
+            lines.append(f"late_tilt_deg = {[exact_degrees(tilt) for tilt in spec.late.tilt_rad]!r}")
             lines.append(f"late_bias_m = {list(spec.late.bias_m)!r}")
             lines.append(f"late_scatter_m = {list(spec.late.scatter_m)!r}")
         blocks.append("\n".join(lines) + "\n")
     return "\n".join(blocks)
 
 
-def _degrees(angle_rad: float) -> float:
+def exact_degrees(angle_rad: float) -> float:
     """Degrees that `math.radians` turns back into exactly this angle where such a number exists."""
     guess = math.degrees(angle_rad)
     for candidate in (round(guess, 9), guess, math.nextafter(guess, math.inf), math.nextafter(guess, -math.inf)):

@@ -6,13 +6,12 @@ and 0xFFFE (disturbed by another one) as in the data sheet of the DYP-A02; any o
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from surfuse.errors import ConfigError
+from surfuse.interfaces import GIVEN_BY_RIG, STANDING_ALONE, SensorSurroundings
 from surfuse.records import SensorSpec, Status
 from surfuse.serial_line.frames import LineReading, SummedFrames, without_range
 from surfuse.serial_line.ranger import SerialRanger
@@ -21,6 +20,8 @@ _BAUD_BPS = 9_600
 _TOO_CLOSE_MM = 30
 _NOTHING_MM = 4_500
 _DISTURBED = 0xFFFE
+SUMMARY = "ultrasonic ranger A02YYUW or DYP-A02, on a serial port"
+NEEDS = ("serial",)
 SPEC = SensorSpec(
     name="a02yyuw",
     kind="ultrasonic",
@@ -43,8 +44,11 @@ class Parameters:
 
     port: str
     timeout_s: float = 1.0
+    surroundings: SensorSurroundings = field(default=STANDING_ALONE, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
+        if not self.port:
+            raise ConfigError("port = ''", cure="give a serial port; `surfuse devices` lists them")
         if not 0.0 < self.timeout_s <= 60.0:
             raise ConfigError(f"timeout_s = {self.timeout_s}", cure="give more than 0 and at most 60 s")
 
@@ -67,6 +71,8 @@ class Parser(SummedFrames):
         super().__init__(b"\xff", 4, _reading)
 
 
-def create(parameters: Parameters, now_s: Callable[[], float] = time.monotonic) -> SerialRanger:
+def create(parameters: Parameters) -> SerialRanger:
     """An A02YYUW on a serial port."""
-    return SerialRanger(SPEC, Parser(), parameters.port, _BAUD_BPS, parameters.timeout_s, now_s)
+    around = parameters.surroundings
+    line = parameters.port, _BAUD_BPS, parameters.timeout_s
+    return SerialRanger(around.known(SPEC), Parser(), *line, around.clock.now_s)

@@ -9,21 +9,22 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from gpiozero import (  # type: ignore[import-untyped,unused-ignore]
-    DigitalInputDevice,
-    DigitalOutputDevice,
-    GPIOZeroError,
-)
 
 from surfuse.errors import ConfigError, DeviceError
+from surfuse.extras import needed_by
+from surfuse.interfaces import GIVEN_BY_RIG, STANDING_ALONE, SensorSurroundings
 from surfuse.records import Echo, SensorSpec, Status
 
+if TYPE_CHECKING:
+    from gpiozero import DigitalInputDevice, DigitalOutputDevice  # type: ignore[import-untyped,unused-ignore]
+
+SUMMARY = "ultrasonic ranger HC-SR04, on two pins"
+NEEDS = ("gpiozero",)
 _PULSE_S = 10e-6
 _NO_ECHO_S = 0.038
 _CYCLE_S = 0.060
@@ -51,6 +52,7 @@ class Parameters:
     trigger_pin: str
     echo_pin: str
     air_temperature_c: float = 20.0
+    surroundings: SensorSurroundings = field(default=STANDING_ALONE, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
         if not -40.0 <= self.air_temperature_c <= 60.0:
@@ -62,8 +64,9 @@ class Parameters:
 class HcSr04:
     """One HC-SR04."""
 
-    def __init__(self, parameters: Parameters, now_s: Callable[[], float]) -> None:
-        self._parameters, self._now_s = parameters, now_s
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters, self._clock = parameters, parameters.surroundings.clock
+        self._spec = parameters.surroundings.known(SPEC)
         # Dry air, ideal gas: 331.3 m/s at 0 degrees Celsius.
         self._speed_m_s = 331.3 * math.sqrt(1.0 + parameters.air_temperature_c / 273.15)
         self._trigger: DigitalOutputDevice | None = None
@@ -74,6 +77,8 @@ class HcSr04:
 
     def __enter__(self) -> Self:
         pins = self._parameters
+        with needed_by("a sensor on pins"):
+            from gpiozero import DigitalInputDevice, DigitalOutputDevice, GPIOZeroError
         try:
             self._trigger = DigitalOutputDevice(pins.trigger_pin)
             self._echo = DigitalInputDevice(pins.echo_pin)
@@ -97,7 +102,7 @@ class HcSr04:
     @property
     def spec(self) -> SensorSpec:
         """What is known of the sensor."""
-        return SPEC
+        return self._spec
 
     def fire(self) -> Echo:
         """One ping; a sensor that does not answer, or still answers the last one, is a fault.
@@ -112,7 +117,7 @@ class HcSr04:
         with self._changed:
             self._edges.clear()
         busy = bool(self._echo.pin.state)
-        start_s, self._last_s = self._now_s(), time.monotonic()
+        start_s, self._last_s = self._clock.now_s(), time.monotonic()
         if busy:
             return Echo(math.nan, Status.FAULT, start_s, count=0)
         self._trigger.on()
@@ -140,13 +145,13 @@ class HcSr04:
         range_m = 0.5 * pulse_s * self._speed_m_s
         if not pulse_s > 0.0:
             return Echo(math.nan, Status.FAULT, start_s, count=0)
-        if pulse_s >= _NO_ECHO_S or range_m > SPEC.range_max_m:
+        if pulse_s >= _NO_ECHO_S or range_m > self._spec.range_max_m:
             return Echo(math.inf, Status.NO_ECHO, start_s, count=0)
-        if range_m < SPEC.range_min_m:
+        if range_m < self._spec.range_min_m:
             return Echo(-math.inf, Status.TOO_CLOSE, start_s, count=0)
         return Echo(range_m, Status.OK, start_s)
 
 
-def create(parameters: Parameters, now_s: Callable[[], float] = time.monotonic) -> HcSr04:
+def create(parameters: Parameters) -> HcSr04:
     """An HC-SR04 on two pins of this machine."""
-    return HcSr04(parameters, now_s)
+    return HcSr04(parameters)

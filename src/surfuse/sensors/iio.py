@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import errno
 import math
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -20,8 +18,10 @@ from typing import Self
 import numpy as np
 
 from surfuse.errors import ConfigError, DeviceError, nearest
+from surfuse.interfaces import GIVEN_BY_RIG, STANDING_ALONE, SensorSurroundings
 from surfuse.records import Echo, SensorSpec, Status
 
+SUMMARY = "rangers behind the Linux industrial I/O files (VL53L0X, VL53L1X, VL53L5CX, SRF04, MB1232, PING)"
 _GONE = (errno.ENODEV, errno.ENXIO, errno.ENOENT)
 
 
@@ -51,9 +51,9 @@ def _spec(
 
 
 MODELS = {
-    "vl53l0x": Model(_spec("vl53l0x", "optical", (0.03, 2.0), 25.0, 0.01, 0.033)),
-    "vl53l1x": Model(_spec("vl53l1x", "optical", (0.04, 4.0), 27.0, 0.005, 0.05), too_close=frozenset({13})),
-    "vl53l5cx": Model(_spec("vl53l5cx", "optical", (0.02, 4.0), 5.6, 0.01, 0.067), valid=frozenset({5, 9})),
+    "vl53l0x": Model(_spec("vl53l0x", "tof", (0.03, 2.0), 25.0, 0.01, 0.033)),
+    "vl53l1x": Model(_spec("vl53l1x", "tof", (0.04, 4.0), 27.0, 0.005, 0.05), too_close=frozenset({13})),
+    "vl53l5cx": Model(_spec("vl53l5cx", "tof", (0.02, 4.0), 5.6, 0.01, 0.067), valid=frozenset({5, 9})),
     "srf04": Model(_spec("srf04", "ultrasonic", (0.03, 3.0), 30.0, 0.005, 0.06)),
     "mb1232": Model(_spec("mb1232", "ultrasonic", (0.2, 7.65), 30.0, 0.005, 0.1)),
     "ping": Model(_spec("ping", "ultrasonic", (0.02, 3.3), 30.0, 0.005, 0.06)),
@@ -75,6 +75,7 @@ class Parameters:
     model: str
     channel: str = "in_distance"
     status_file: str = ""
+    surroundings: SensorSurroundings = field(default=STANDING_ALONE, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
@@ -87,9 +88,10 @@ class Parameters:
 class IioRanger:
     """One channel of an IIO device."""
 
-    def __init__(self, parameters: Parameters, now_s: Callable[[], float]) -> None:
-        self._parameters, self._now_s = parameters, now_s
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters, self._clock = parameters, parameters.surroundings.clock
         self._model = MODELS[parameters.model]
+        self._spec = parameters.surroundings.known(self._model.spec)
         self._scale_m = math.nan
         self._offset = 0.0
 
@@ -119,7 +121,7 @@ class IioRanger:
     @property
     def spec(self) -> SensorSpec:
         """What is known of the sensor."""
-        return self._model.spec
+        return self._spec
 
     def fire(self) -> Echo:
         """One reading; the driver measures while the file is read.
@@ -128,7 +130,7 @@ class IioRanger:
         ------
         DeviceError : the device has vanished.
         """
-        start_s = self._now_s()
+        start_s = self._clock.now_s()
         try:
             raw = int(self._text(f"{self._parameters.channel}_raw"))
             word = int(self._text(self._parameters.status_file)) if self._parameters.status_file else None
@@ -148,9 +150,9 @@ class IioRanger:
         if (word is not None and word not in self._model.valid) or raw < 0:
             return _without_range(Status.FAULT, start_s)
         range_m = (raw + self._offset) * self._scale_m
-        if range_m < self._model.spec.range_min_m:
+        if range_m < self._spec.range_min_m:
             return _without_range(Status.TOO_CLOSE, start_s)
-        if range_m > self._model.spec.range_max_m:
+        if range_m > self._spec.range_max_m:
             return _without_range(Status.NO_ECHO, start_s)
         return Echo(range_m, Status.OK, start_s)
 
@@ -163,6 +165,6 @@ def _without_range(status: Status, start_s: float) -> Echo:
     return Echo(range_m, status, start_s, count=0)
 
 
-def create(parameters: Parameters, now_s: Callable[[], float] = time.monotonic) -> IioRanger:
+def create(parameters: Parameters) -> IioRanger:
     """A ranger behind IIO files."""
-    return IioRanger(parameters, now_s)
+    return IioRanger(parameters)

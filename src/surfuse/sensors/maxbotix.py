@@ -9,18 +9,19 @@ from __future__ import annotations
 
 import math
 import re
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from surfuse.errors import ConfigError, nearest
+from surfuse.interfaces import GIVEN_BY_RIG, STANDING_ALONE, SensorSurroundings
 from surfuse.records import SensorSpec, Status
 from surfuse.serial_line.frames import LineReading, without_range
 from surfuse.serial_line.ranger import SerialRanger
 
 _LINE_MAX_BYTES = 64
+SUMMARY = "ultrasonic rangers of MaxBotix (HRXL, XL, LV, USB), on a serial port"
+NEEDS = ("serial",)
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,11 @@ class Parameters:
     model: str
     timeout_s: float = 1.0
     agreement_m: float = 0.03
+    surroundings: SensorSurroundings = field(default=STANDING_ALONE, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
+        if not self.port:
+            raise ConfigError("port = ''", cure="give a serial port; `surfuse devices` lists them")
         if self.model not in MODELS:
             raise ConfigError(f"maxbotix model = '{self.model}'", cure=nearest(self.model, MODELS))
         if not 0.0 < self.timeout_s <= 60.0:
@@ -124,9 +128,9 @@ class Parser:
         return LineReading(round(number * self._model.unit_m, 6), Status.OK)
 
 
-def create(parameters: Parameters, now_s: Callable[[], float] = time.monotonic) -> SerialRanger:
+def create(parameters: Parameters) -> SerialRanger:
     """A MaxBotix ranger on a serial port."""
-    model = MODELS[parameters.model]
+    model, around = MODELS[parameters.model], parameters.surroundings
     agreement_m = None if math.isinf(parameters.agreement_m) else parameters.agreement_m
     line = parameters.port, model.baud_bps, parameters.timeout_s
-    return SerialRanger(model.spec, Parser(model), *line, now_s, agreement_m)
+    return SerialRanger(around.known(model.spec), Parser(model), *line, around.clock.now_s, agreement_m)

@@ -8,15 +8,16 @@ to the driver as a function.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from surfuse.errors import ConfigError
-from surfuse.interfaces import AlwaysOpen, Clock
+from surfuse.interfaces import GIVEN_BY_RIG, AlwaysOpen, SensorSurroundings, surrounded
 from surfuse.node.averaging import AveragingParameters, average_pings
 from surfuse.records import Echo, SensorSpec, Status
 
+SUMMARY = "ultrasonic ranger of the paper: Polaroid transducer on a 6500 ranging module"
 SPEC = SensorSpec(
     name="polaroid",
     kind="ultrasonic",
@@ -42,6 +43,13 @@ PulseTimer = Callable[[], float | None]
 """Starts one burst and returns the time in s from INIT to ECHO, None when ECHO stays low."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Surroundings(SensorSurroundings):
+    """What drives and times the lines of the module."""
+
+    timer: PulseTimer
+
+
 @dataclass(frozen=True)
 class Parameters:
     """How times become ranges.
@@ -58,6 +66,7 @@ class Parameters:
     sound_speed_m_s: float = 343.2
     delay_s: float = 0.0
     blanking_s: float = 1.9e-3
+    surroundings: Surroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
         if not 1 <= self.pings <= 1000:
@@ -72,10 +81,11 @@ class Parameters:
 
 
 class PolaroidSensor(AlwaysOpen):
-    """See `create`."""
+    """A ranger on a 6500 module."""
 
-    def __init__(self, spec: SensorSpec, timer: PulseTimer, clock: Clock, parameters: Parameters) -> None:
-        self._spec, self._timer, self._clock, self._parameters = spec, timer, clock, parameters
+    def __init__(self, parameters: Parameters, surroundings: Surroundings) -> None:
+        self._parameters, self._spec = parameters, surroundings.known(SPEC)
+        self._timer, self._clock = surroundings.timer, surroundings.clock
 
     @property
     def spec(self) -> SensorSpec:
@@ -100,11 +110,9 @@ class PolaroidSensor(AlwaysOpen):
         return 0.5 * self._parameters.sound_speed_m_s * (time_s - self._parameters.delay_s)
 
 
-def create(
-    timer: PulseTimer, clock: Clock, spec: SensorSpec = SPEC, parameters: Parameters | None = None
-) -> PolaroidSensor:
-    """A ranger on a 6500 module whose lines are driven and timed by `timer`."""
-    return PolaroidSensor(spec, timer, clock, parameters or Parameters())
+def create(parameters: Parameters) -> PolaroidSensor:
+    """A ranger on a 6500 module."""
+    return PolaroidSensor(parameters, surrounded(parameters.surroundings, "polaroid"))
 
 
 def averaging_of(spec: SensorSpec, sample_rate_hz: float = 1e6) -> AveragingParameters:

@@ -7,13 +7,12 @@ makes it 0. So the model is not optional: a 0 or a 65535 would be a range elsewh
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from surfuse.errors import ConfigError, nearest
+from surfuse.interfaces import GIVEN_BY_RIG, STANDING_ALONE, SensorSurroundings
 from surfuse.records import SensorSpec, Status
 from surfuse.serial_line.frames import LineReading, SummedFrames, without_range
 from surfuse.serial_line.ranger import SerialRanger
@@ -22,6 +21,8 @@ _BAUD_BPS = 115_200
 _NOTHING_CM = 1_200
 _SATURATED = 0xFFFF
 _NEGATIVE = 0x8000
+SUMMARY = "laser ranger TFmini, TFmini-S or TFmini Plus, on a serial port"
+NEEDS = ("serial",)
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Model:
 def _model(name: str, weakest: int, too_close_cm: int, beam_deg: float, sigma_m: float) -> Model:
     spec = SensorSpec(
         name=name,
-        kind="optical",
+        kind="tof",
         range_min_m=too_close_cm * 1e-2,
         range_max_m=_NOTHING_CM * 1e-2,
         beam_full_angle_rad=float(np.radians(beam_deg)),
@@ -67,8 +68,11 @@ class Parameters:
     port: str
     model: str
     timeout_s: float = 0.2
+    surroundings: SensorSurroundings = field(default=STANDING_ALONE, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
+        if not self.port:
+            raise ConfigError("port = ''", cure="give a serial port; `surfuse devices` lists them")
         if self.model not in MODELS:
             raise ConfigError(f"tfmini model = '{self.model}'", cure=nearest(self.model, MODELS))
         if not 0.0 < self.timeout_s <= 60.0:
@@ -94,7 +98,8 @@ class Parser(SummedFrames):
         return LineReading(distance_cm / 100.0, Status.OK)
 
 
-def create(parameters: Parameters, now_s: Callable[[], float] = time.monotonic) -> SerialRanger:
+def create(parameters: Parameters) -> SerialRanger:
     """A TFmini of any model on a serial port."""
-    model = MODELS[parameters.model]
-    return SerialRanger(model.spec, Parser(model), parameters.port, _BAUD_BPS, parameters.timeout_s, now_s)
+    model, around = MODELS[parameters.model], parameters.surroundings
+    line = parameters.port, _BAUD_BPS, parameters.timeout_s
+    return SerialRanger(around.known(model.spec), Parser(model), *line, around.clock.now_s)

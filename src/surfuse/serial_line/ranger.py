@@ -8,7 +8,8 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from surfuse.errors import ConfigError, DeviceError
+from surfuse.errors import DeviceError
+from surfuse.extras import needed_by
 from surfuse.records import Echo, SensorSpec, Status
 from surfuse.serial_line.frames import LineParser, LineReading
 
@@ -47,10 +48,8 @@ class SerialRanger:
         self._line: Serial | None = None
 
     def __enter__(self) -> Self:
-        try:
+        with needed_by("a sensor on a serial port", self._port):
             import serial
-        except ModuleNotFoundError as error:
-            raise ConfigError("a serial sensor needs the package 'pyserial'", cure="pip install pyserial") from error
         try:
             line = serial.serial_for_url(self._port, self._baud_bps, timeout=_POLL_S)
         except (OSError, ValueError) as error:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.errors import ConfigError, DeviceError
-from surfuse.motion.control.law import Commands, ControlLaw
+from surfuse.motion.control_law import Commands, ControlLaw
 from surfuse.records import FloatArray
 from surfuse.servo_cards import registers as reg
 from surfuse.servo_cards.scales import WORD, CardScales

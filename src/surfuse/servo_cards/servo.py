@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from surfuse.errors import DeviceError, SafetyStopError
-from surfuse.motion.control.law import Commands, ControlLaw
+from surfuse.motion.control_law import Commands, ControlLaw
 from surfuse.records import FloatArray, IntArray
 from surfuse.servo_cards import registers as reg
 from surfuse.servo_cards.scales import CardScales, converter_words

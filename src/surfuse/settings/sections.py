@@ -12,13 +12,15 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Literal, Self, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from surfuse import registry
 from surfuse.errors import ConfigError, nearest
 from surfuse.runs.configuration import RUN_TABLE, read_configuration
 from surfuse.runs.toml_file import parse_toml
 
 _SHOWN = 80  # characters of a wrong value that a message repeats
+_PARAMETER_PLACE = 4  # fusion.parameters.METHOD.KEY
 NO_BUS = "none"
 BUS_PINGS_LIMIT = 31  # the count of a reading has five bits on the bus
 
@@ -49,23 +51,24 @@ class SceneSettings(Section):
 class TableSettings(Section):
     """The ring table."""
 
-    table_height_m: Length = 1.00
-    table_inner_radius_m: Length = 0.95
-    table_outer_radius_m: Length = 1.25
+    table_height_m: Length = Field(1.00, description="height of its surface above the floor")
+    table_inner_radius_m: Length = Field(0.95, description="radius of the hole that the arm stands in")
+    table_outer_radius_m: Length = Field(1.25, description="radius of its outer edge; nothing is measured beyond it")
 
 
 class ArmSettings(Section):
     """The arm and how it may move."""
 
-    name: str = "puma560"
+    name: str = Field("puma560", description="the built-in arm; `file` gives another one")
     file: str | None = Field(None, description="MJCF or URDF file of another arm")
     tool: str | None = Field(None, description="site, body or link of that file that carries the array; z along beams")
     driver: Literal["trident", "kinematic"] | None = Field(
         None,
         description="trident: servo cards and dynamics (default of the PUMA 560); kinematic: no dynamics, for speed",
     )
-    law: Literal["computed_torque", "gravity_pd", "independent_pid", "set_points_28ms"] = Field(
-        "computed_torque", description="control law behind the servo cards"
+    law: str = Field(
+        "computed_torque",
+        description="control law behind the servo cards: computed_torque, gravity_pd, independent_pid, set_points_28ms",
     )
     fixture_kg: float = Field(0.45, ge=0.0, le=100.0, description="mass of sensors, tubes and bracket at the wrist")
     base_height_m: float = Field(0.50, ge=0.0, le=3.0, description="height of the stand under the arm's base")
@@ -78,8 +81,11 @@ class ArmSettings(Section):
     joint_speed_deg_s: float = Field(60.0, gt=0.0, le=1000.0, description="of every joint of an arm file")
     joint_acceleration_deg_s2: float = Field(120.0, gt=0.0, le=10000.0, description="of every joint of an arm file")
     speed_share: float = Field(1.0, gt=0.0, le=1.0, description="share of the joint speeds and accelerations")
-    settle_deg: float = Field(
-        0.0115, gt=0.0, le=5.0, description="behind the servo cards: a joint nearer to its target than this has arrived"
+    settle_deg: float | None = Field(
+        None,
+        gt=0.0,
+        le=5.0,
+        description="behind the servo cards: a joint nearer to its target has arrived; default: what the law can do",
     )
     settle_s: float = Field(0.15, ge=0.0, le=10.0, description="rest after each move, before the array fires")
     repeatability_mm: float = Field(0.1, ge=0.0, le=10.0, description="repeatability at the tool")
@@ -87,6 +93,13 @@ class ArmSettings(Section):
     tool_speed_max_m_s: float = Field(
         1.0, gt=0.0, le=5.0, description="of the array; faster moves are slowed, faster passes refused"
     )
+
+    @field_validator("law")
+    @classmethod
+    def _is_known(cls, law: str) -> str:
+        if law not in registry.names("control_laws"):
+            raise ConfigError(f"arm.law = '{law}'", cure=nearest(law, registry.names("control_laws")))
+        return law
 
     @property
     def driven_by(self) -> Literal["trident", "kinematic"]:
@@ -97,12 +110,12 @@ class ArmSettings(Section):
 class CameraSettings(Section):
     """The camera on the shoulder; it turns with joint 1 and looks outward. `surfuse calibrate` writes this section."""
 
-    width_px: int = Field(500, ge=64, le=10000)
-    height_px: int = Field(582, ge=64, le=10000)
-    fx_px: float = Field(520.0, gt=0.0)
-    fy_px: float = Field(760.0, gt=0.0)
+    width_px: int = Field(500, ge=64, le=10000, description="columns of the picture")
+    height_px: int = Field(582, ge=64, le=10000, description="rows of the picture")
+    fx_px: float = Field(520.0, gt=0.0, description="focal length in widths of a pixel")
+    fy_px: float = Field(760.0, gt=0.0, description="focal length in heights of a pixel, which need not be square")
     cx_px: float | None = Field(None, ge=0.0, le=10000.0, description="principal point; default: middle of the picture")
-    cy_px: float | None = Field(None, ge=0.0, le=10000.0)
+    cy_px: float | None = Field(None, ge=0.0, le=10000.0, description="the same, from the top")
     distortion: tuple[float, float, float, float, float] = Field(
         (0.0, 0.0, 0.0, 0.0, 0.0), strict=False, description="k1, k2, p1, p2, k3 of OpenCV's lens model"
     )
@@ -126,9 +139,9 @@ class RangerSettings(Section):
 class SearchSettings(Section):
     """The search for the part."""
 
-    increment_deg: float = Field(15.0, gt=0.0, le=60.0)
+    increment_deg: float = Field(15.0, gt=0.0, le=60.0, description="turn of joint 1 between two pictures")
     threshold: str = Field("otsu", description="otsu, maximum_entropy, uniform_error or minimum_error")
-    smallest_part_m: float = Field(0.03, gt=0.0, le=1.0)
+    smallest_part_m: float = Field(0.03, gt=0.0, le=1.0, description="what is smaller in the picture is no part")
     tolerance_px: float = Field(1.5, gt=0.0, le=50.0, description="how far the outline may cut a corner")
     all_parts: bool = Field(False, description="go on to the end of the turn and show every part")
     part: int = Field(1, ge=1, le=1000, description="which part is scanned, in order of angle; above 1 all are sought")
@@ -137,7 +150,7 @@ class SearchSettings(Section):
 class ArraySettings(Section):
     """The four rangers at the wrist."""
 
-    sensor: str = "polaroid"
+    sensor: str = Field("polaroid", description="the kind of all four: a plug-in of the folder sensors")
     side_m: float = Field(0.05, ge=0.01, le=0.5, description="side of the square, ds")
     pings: int = Field(5, ge=1, le=100, description="emissions averaged for one reading; at most 31 over a bus")
     trigger: Literal["sequential", "simultaneous"] = Field(
@@ -153,7 +166,7 @@ class BusSettings(Section):
     )
     channel: str = Field("", description="name, port or group of the adapter; empty: the usual one")
     port: int = Field(43113, ge=1024, le=65535, description="UDP port of udp_multicast")
-    bitrate_bps: int = Field(1_000_000, ge=10_000, le=1_000_000)
+    bitrate_bps: int = Field(1_000_000, ge=10_000, le=1_000_000, description="bit rate of the bus")
     node: int = Field(1, ge=1, le=7, description="address of the node")
     connect_timeout_s: float = Field(20.0, gt=0.0, le=3600.0, description="wait for a node in another process")
     tether_port: int = Field(
@@ -164,11 +177,13 @@ class BusSettings(Section):
 class KitSettings(Section):
     """The ranging kit's parameters."""
 
-    frequency_hz: float = Field(63e3, ge=20e3, le=200e3)
-    cycles: int = Field(16, ge=1, le=64)
-    blanking_s: float = Field(1.9e-3, ge=0.0, le=0.02)
-    gain: float = Field(1.0, gt=0.0, le=1000.0)
-    tube_length_m: float = Field(0.20, ge=0.0, le=0.5)
+    frequency_hz: float = Field(63e3, ge=20e3, le=200e3, description="of the burst that is sent")
+    cycles: int = Field(16, ge=1, le=64, description="periods of the burst: more give a stronger, longer echo")
+    blanking_s: float = Field(
+        1.9e-3, ge=0.0, le=0.02, description="after the start of the burst nothing is heard: the nearest range"
+    )
+    gain: float = Field(1.0, gt=0.0, le=1000.0, description="factor on the gain of the receiver")
+    tube_length_m: float = Field(0.20, ge=0.0, le=0.5, description="of the tube that narrows the beam; 0: no tube")
     sample_rate_hz: float = Field(1e6, ge=1e4, le=1e9, description="rate of the clock that counts the time of flight")
     trigger: Literal["external", "internal"] = Field(
         "external", description="internal: every kit on its own clock, so that neighbours disturb each other"
@@ -178,15 +193,17 @@ class KitSettings(Section):
 class AirSettings(Section):
     """The air: what it is, and what the kit believes."""
 
-    temperature_c: float = Field(20.0, ge=-30.0, le=60.0)
-    assumed_temperature_c: float = Field(20.0, ge=-30.0, le=60.0)
-    humidity_percent: float = Field(50.0, ge=1.0, le=100.0)
+    temperature_c: float = Field(20.0, ge=-30.0, le=60.0, description="what it is")
+    assumed_temperature_c: float = Field(
+        20.0, ge=-30.0, le=60.0, description="what the kit takes it for when it turns times into ranges"
+    )
+    humidity_percent: float = Field(50.0, ge=1.0, le=100.0, description="relative humidity, which dampens echoes")
 
 
 class ScanSettings(Section):
     """The plan and the walk through it."""
 
-    standoff_m: Length = 0.43
+    standoff_m: Length = Field(0.43, description="from the faces of the transducers to the acquisition plane")
     margin_m: float | None = Field(
         None, ge=0.0, le=0.5, description="default: what the outline's uncertainty asks for, or two steps"
     )
@@ -203,14 +220,16 @@ class ScanSettings(Section):
 class FusionSettings(Section):
     """The fusion method, and parameters of any method by its name."""
 
-    method: str = "beam"
-    parameters: dict[str, dict[str, Plain]] = Field(default_factory=dict)
+    method: str = Field("beam", description="one of `surfuse methods`")
+    parameters: dict[str, dict[str, Plain]] = Field(
+        default_factory=dict, description="a table a method, `fusion.parameters.<method>.<key>`; see below"
+    )
 
 
 class Settings(Section):
     """The whole configuration."""
 
-    seed: int = Field(1, ge=0, le=2**63 - 1)
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="of everything that is random")
     scene: SceneSettings = SceneSettings()
     cell: TableSettings = TableSettings()
     arm: ArmSettings = ArmSettings()
@@ -241,9 +260,8 @@ class Settings(Section):
 
     @model_validator(mode="after")
     def _fits_the_bus(self) -> Self:
-        if self.bus.interface == NO_BUS:
-            return self
-        if self.array.pings > BUS_PINGS_LIMIT:
+        # On a smooth pass `scan.pings` is what the bus carries, and its own limit is lower.
+        if self.bus.interface != NO_BUS and self.scan.mode == "stops" and self.array.pings > BUS_PINGS_LIMIT:
             raise ConfigError(
                 f"array.pings = {self.array.pings}, a reading on the bus counts at most {BUS_PINGS_LIMIT}",
                 cure="give fewer, or bus.interface = 'none'",
@@ -256,8 +274,13 @@ class Settings(Section):
         return self.scan.step_m if self.scan.step_m is not None else self.array.side_m / 5.0
 
 
-def load(cell_file: Path | None = None, overrides: Iterable[str] = (), **sections: Mapping[str, object]) -> Settings:
-    """Defaults, then the cell file, then `key.path=value` overrides, then whole sections given by name.
+def load(
+    cell_file: Path | None = None,
+    overrides: Iterable[str] = (),
+    values: Mapping[str, object] | None = None,
+    **sections: Mapping[str, object],
+) -> Settings:
+    """Defaults, then the cell file, then `key.path=value` overrides, then values by key path, then whole sections.
 
     The run.toml of a run is a cell file too: it repeats the run, with its seed.
 
@@ -269,10 +292,12 @@ def load(cell_file: Path | None = None, overrides: Iterable[str] = (), **section
     where = str(cell_file) if cell_file is not None else "configuration"
     for text in overrides:
         _assign(tree, text)
-    for name, values in sections.items():
+    for path, value in (values or {}).items():
+        _put(tree, path, value)
+    for name, content in sections.items():
         section = tree.setdefault(name, {})
         if isinstance(section, dict):
-            section.update(values)
+            section.update(content)
     return from_tree(tree, where)
 
 
@@ -301,8 +326,7 @@ def _read_toml(path: Path) -> dict[str, object]:
 def _assign(tree: dict[str, object], text: str) -> None:
     """Put one `key.path=value` into the tree; the value is read as TOML, else as a string."""
     path, separator, value_text = text.partition("=")
-    keys = [key.strip() for key in path.split(".")]
-    if not separator or not all(keys):
+    if not separator or not all(key.strip() for key in path.split(".")):
         raise ConfigError(
             f"'{text}' is not of the form key.path=value", cure="write for example --set scan.margin_m=0.03"
         )
@@ -312,7 +336,16 @@ def _assign(tree: dict[str, object], text: str) -> None:
         value = value_text.strip()
     except RecursionError as error:
         raise ConfigError(f"the value of '{path}' is nested too deeply", cure="give a plain value") from error
-    node = tree
+    _put(tree, path, value)
+
+
+def _put(tree: dict[str, object], path: str, value: object) -> None:
+    """Put a value into the tree at a path of keys, a table key by key; the tables on the way are made."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            _put(tree, f"{path}.{key}", inner)
+        return
+    node, keys = tree, [key.strip() for key in path.split(".")]
     for key in keys[:-1]:
         child = node.setdefault(key, {})
         if not isinstance(child, dict):
@@ -331,7 +364,22 @@ def _explain(error: ValidationError) -> str:
         return f"unknown key '{path}'{more}; {nearest(str(problem['loc'][-1]), valid)}"
     shown = repr(problem["input"])
     shown = shown if len(shown) <= _SHOWN else f"{shown[:_SHOWN]}..."
-    return f"{path} = {shown}: {problem['msg'][0].lower()}{problem['msg'][1:]}{more}"
+    return _wrong_value(problem["type"], tuple(problem["loc"]), shown, problem["msg"], more)
+
+
+def _wrong_value(kind: str, place: tuple[int | str, ...], shown: str, message: str, more: str) -> str:
+    """A value that cannot be taken, and what can; pydantic's words where they say it."""
+    if kind in ("dict_type", "model_type"):
+        path = ".".join(map(str, place))
+        return f"{path} = {shown}: it is a table, not a value; write {path}.KEY=VALUE{more}"
+    if place[:2] == ("fusion", "parameters") and len(place) > _PARAMETER_PLACE:
+        # One problem for every type that a parameter may have; the last word of the place is that type.
+        path = ".".join(map(str, place[:_PARAMETER_PLACE]))
+        return f"{path} = {shown}: give a finite number, a text, true or false"
+    if kind in ("missing", "too_long", "too_short") and place:
+        path = ".".join(str(part) for part in place if isinstance(part, str))
+        return f"{path} = {shown}: it has another number of values than are needed"
+    return f"{'.'.join(map(str, place))} = {shown}: {message[0].lower()}{message[1:]}{more}"
 
 
 def _keys(path: tuple[str, ...]) -> tuple[str, ...]:

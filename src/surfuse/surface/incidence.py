@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfuse.records import FloatArray, IntArray, Readings, Status
+from surfuse.records import LIGHT_KINDS, FloatArray, IntArray, Readings, Status
 from surfuse.surface.beam_average import averaged_ranges
 from surfuse.surface.casting import RayCaster
 from surfuse.surface.time_lag import moved_poses
 
-OPTICAL_KINDS = ("laser", "infrared", "tof", "optical", "lidar")
 BAND_DEG = 10.0
 LEAST_ECHOES = 20
 BELONGS_M = 0.10
@@ -67,7 +66,7 @@ def _expected(
 ) -> FloatArray:
     """What each echo should read: the mean over the beam of an optical sensor, else the distance along the axis."""
     specs, sensor = readings.specs, readings.sensor[rows]
-    optical = np.array([spec.kind.lower() in OPTICAL_KINDS for spec in specs])[sensor] & np.isfinite(along_m)
+    optical = np.array([spec.kind in LIGHT_KINDS for spec in specs])[sensor] & np.isfinite(along_m)
     half = np.array([0.5 * spec.beam_full_angle_rad for spec in specs])[sensor]
     expected = along_m.copy()
     expected[optical] = averaged_ranges(caster, place[optical], axis[optical], half[optical])[0]

@@ -10,7 +10,8 @@ import numpy as np
 
 from surfuse.geometry.compiled import compiled
 from surfuse.motion.control.computed_torque import ComputedTorque, computed_torque
-from surfuse.motion.control.law import Commands
+from surfuse.motion.control_law import Commands
+from surfuse.motion.newton_euler import RigidArm
 from surfuse.records import FloatArray
 from surfuse.servo_cards.scales import converter_words
 from surfuse.servo_cards.servo import JointServo, Ran, ServoMemory, SettleGoal
@@ -64,7 +65,7 @@ class CompiledTicks:
 @compiled
 def _ticks(
     servo: ServoMemory,
-    law: tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]],
+    law: tuple[RigidArm, tuple[FloatArray, ...]],
     card: CardMemory,
     plant: PlantMemory,
     wanted: tuple[FloatArray, FloatArray, FloatArray],
@@ -113,7 +114,8 @@ def _ticks(
         converter_words(torque, motor_torque, counts_per_nm, dac)
         joint_torques(dac, torque_per_word, joint_torque)
         integrate(arm, dry, ends, state, matrices, scratch, joint_torque, h, steps)
-        before[:] = absolute
+        for j in range(before.shape[0]):
+            before[j] = absolute[j]
         absolute_counts(state[0], zero, motor_from_joint, per_count, absolute)
         near = True
         for j in range(position.shape[0]):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import compress
 
 import cv2
 import numpy as np
@@ -12,9 +11,10 @@ import numpy as np
 from surfuse.errors import ConfigError, nearest
 from surfuse.records import BoolArray, ByteArray, CameraFrame, Detection
 from surfuse.vision.boundary import Boundary, refine, trace
+from surfuse.vision.dim_foot import with_dim_foot
 from surfuse.vision.flatten import flattened
 from surfuse.vision.polarity import POLARITIES, Polarity, parts_are_bright
-from surfuse.vision.standing_parts import StandingParameters, on_table, runs_through
+from surfuse.vision.standing_parts import StandingParameters, ends_on_table, on_table, runs_through
 from surfuse.vision.table import TableRing
 from surfuse.vision.threshold import METHODS, Threshold, otsu, threshold
 
@@ -69,36 +69,41 @@ def find_parts(
     """Parts in a frame of the cell's camera, the largest first; none is an answer.
 
     A region that runs through from the left to the right side is the table or the room. With `table`, a region whose
-    lowest pixel is not on the table top is no part either.
+    lowest pixel is not on the table top is no part either; the dim foot of a round part is looked for first.
     """
     chosen = parameters or FindParameters()
     smooth = _smoothed(frame.image, chosen.blur_px)
 
-    def stands(detection: Detection) -> bool:
-        return not runs_through(detection, frame.camera.width_px) and (
-            table is None or on_table(detection, frame, smooth, table, chosen.standing)
-        )
+    def part(detection: Detection) -> Detection | None:
+        if runs_through(detection, frame.camera.width_px):
+            return None
+        if table is None or on_table(detection, frame, smooth, table, chosen.standing):
+            return detection
+        longer = _with_dim_foot(detection, smooth, chosen)
+        return longer if longer is not None and ends_on_table(longer, frame, table, chosen.standing) else None
 
-    return _find(smooth, chosen, stands)
+    return _find(smooth, chosen, part)
 
 
 def find_regions(image: ByteArray, parameters: FindParameters | None = None) -> tuple[Detection, ...]:
     """Regions of any grey picture (H, W) uint8 that stand out from what is behind them, the largest first."""
     chosen = parameters or FindParameters()
-    return _find(_smoothed(image, chosen.blur_px), chosen, lambda detection: True)
+    return _find(_smoothed(image, chosen.blur_px), chosen, lambda detection: detection)
 
 
 def _smoothed(image: ByteArray, blur_px: float) -> ByteArray:
     return np.asarray(cv2.GaussianBlur(image, (0, 0), blur_px), np.uint8) if blur_px > 0.0 else image
 
 
-def _find(smooth: ByteArray, chosen: FindParameters, accept: Callable[[Detection], bool]) -> tuple[Detection, ...]:
+def _find(
+    smooth: ByteArray, chosen: FindParameters, accept: Callable[[Detection], Detection | None]
+) -> tuple[Detection, ...]:
     """The picture as a whole first; when nothing there is a part, the picture without its slow changes of light."""
     return _divided(smooth, smooth, chosen, accept) or _evenly_lit(smooth, chosen, accept)
 
 
 def _evenly_lit(
-    smooth: ByteArray, chosen: FindParameters, accept: Callable[[Detection], bool]
+    smooth: ByteArray, chosen: FindParameters, accept: Callable[[Detection], Detection | None]
 ) -> tuple[Detection, ...]:
     """The same with the illumination taken out; then whatever differs from it by much more than noise does."""
     residual, noise = flattened(smooth)
@@ -113,7 +118,8 @@ def _evenly_lit(
             mask = _without_threads(residual > least if bright else residual < -least)
             level = int(np.clip(_MIDDLE + (least if bright else -least), 0, 255))
             outliers += _detections(smooth, mask, bright, Threshold(level, 0.0, chosen.method), chosen)
-    return tuple(filter(accept, sorted(outliers, key=lambda detection: -detection.area_px)))
+    kept = map(accept, sorted(outliers, key=lambda detection: -detection.area_px))
+    return tuple(detection for detection in kept if detection is not None)
 
 
 def _without_threads(mask: BoolArray) -> BoolArray:
@@ -123,7 +129,7 @@ def _without_threads(mask: BoolArray) -> BoolArray:
 
 
 def _divided(
-    smooth: ByteArray, even: ByteArray, chosen: FindParameters, accept: Callable[[Detection], bool]
+    smooth: ByteArray, even: ByteArray, chosen: FindParameters, accept: Callable[[Detection], Detection | None]
 ) -> tuple[Detection, ...]:
     """Regions of the class that is not behind, when the grey levels of `even` fall into two classes at all.
 
@@ -137,8 +143,8 @@ def _divided(
         mask = even > divided.level if bright else even <= divided.level
         if divided.separability >= chosen.separability_min:
             found = _traced(smooth, mask, bright, divided, chosen)
-            good = [one.confidence >= chosen.edge_share_min and accept(one) for one in found]
-            parts = list(compress(found, good))
+            good = [accept(one) if one.confidence >= chosen.edge_share_min else None for one in found]
+            parts = [part for part in good if part is not None]
             accepted += [part for part in parts if not any(_holds(known, part) for known in accepted)]
             specks = (one.area_px <= _SPECK * chosen.area_min_px for one in found)
             if parts and all(part or speck for part, speck in zip(good, specks, strict=True)):
@@ -153,6 +159,18 @@ def _holds(outer: Detection, inner: Detection) -> bool:
     """Whether the centroid of one region lies inside the boundary of another."""
     contour = outer.contour_px.astype(np.float32).reshape(-1, 1, 2)
     return bool(cv2.pointPolygonTest(contour, tuple(inner.centroid_px.tolist()), False) >= 0)
+
+
+def _with_dim_foot(detection: Detection, smooth: ByteArray, chosen: FindParameters) -> Detection | None:
+    """The same region with the part of it that is too dark for the threshold; None when there is none."""
+    found = with_dim_foot(detection, smooth, chosen.contrast_min)
+    if found is None:
+        return None
+    mask, bright = found
+    regions = trace(mask, chosen.area_min_px)
+    divided = Threshold(detection.level, detection.separability, chosen.method)
+    longer = _detection(smooth, regions[0], bright, divided, chosen.contrast_min) if regions else None
+    return longer if longer is not None and longer.confidence >= chosen.edge_share_min else None
 
 
 def _detections(

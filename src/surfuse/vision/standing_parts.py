@@ -52,12 +52,16 @@ def on_table(
     detection: Detection, frame: CameraFrame, smooth: ByteArray, table: TableRing, chosen: StandingParameters
 ) -> bool:
     """Whether the lowest pixel of a region in a picture (H, W) is on the table top, and the region is not the table."""
-    if _is_table(detection, frame, table, chosen):
-        return False
-    if not _within(detection.contour_px[np.argmax(detection.contour_px[:, 1])], frame, table, chosen):
+    if not ends_on_table(detection, frame, table, chosen):
         return False
     lowest = _bright_foot(detection, smooth)
     return lowest is None or _within(lowest, frame, table, chosen)
+
+
+def ends_on_table(detection: Detection, frame: CameraFrame, table: TableRing, chosen: StandingParameters) -> bool:
+    """The same for a region whose foot is known to be real, however dim it is."""
+    lowest = detection.contour_px[np.argmax(detection.contour_px[:, 1])]
+    return not _is_table(detection, frame, table, chosen) and _within(lowest, frame, table, chosen)
 
 
 def _within(lowest: FloatArray, frame: CameraFrame, table: TableRing, chosen: StandingParameters) -> bool:

@@ -18,7 +18,6 @@ from surfuse.records import FloatArray, SensorSpec
 
 SPEED_OF_SOUND_M_S = 343.2
 ROOM_K = 293.15
-OPTICAL_KINDS = ("laser", "infrared", "tof", "optical", "lidar")
 # Angles of the tables: fine where the mirror-like echo dies, up to where no matte surface answers.
 TILTS = np.radians(np.array([0, 3, 6, 8, 10, 12, 14, 17, 20, 23, 26, 30, 35, 40, 50, 60, 75], dtype=np.float64))
 OFF_AXIS = np.radians(np.linspace(0.0, 45.0, 181))
@@ -224,7 +223,7 @@ def measured(
     is interpolated and held. The other columns stay: how late an echo of known strength is does not depend on the
     roughness of the surface, which is what a calibration finds out. A sensor that reads on its axis has one column.
     """
-    late, optical = spec.late, spec.kind.lower() in OPTICAL_KINDS
+    late, optical = spec.late, spec.along_axis
     if late is None:
         return location_m, scale_m
     tilt, bias = np.array(late.tilt_rad), np.array(late.bias_m)
@@ -255,7 +254,7 @@ def beam_table(spec: SensorSpec, range_mm: int, model: DetectorModel) -> BeamTab
     # Without an aperture: the two-way beam of a piston falls to 1/6 at the capture angle.
     ka = np.pi * spec.aperture_m / wavelength if spec.aperture_m else 2.65 / np.sin(min(half, 1.4))
     rise = model.rise_wavelengths * wavelength
-    optical = spec.kind.lower() in OPTICAL_KINDS
+    optical = spec.along_axis
     two_way = piston(ka, OFF_AXIS) ** 2
     range_m = 0.001 * range_mm
     shape = (len(TILTS), len(LEVELS) + 1)

@@ -107,8 +107,15 @@ def _agreement(group: IntArray, range_m: FloatArray, sigma: FloatArray) -> tuple
     return np.abs(range_m - median[group]) <= tolerance, size, median[group]
 
 
+def stated_sigma(readings: Readings, rows: IntArray) -> FloatArray:
+    """Standard deviation (m) of some readings: their own where the log states one, else that of their sensor."""
+    own = readings.sigma_m[rows]
+    of_sensor = np.array([spec.sigma_m for spec in readings.specs])[readings.sensor[rows]]
+    return np.where((own > 0.0) & np.isfinite(own), own, of_sensor)
+
+
 def gather(readings: Readings, scene: FusionScene) -> Stations:
-    """Merge repeats from one place by the mean of those that agree with their median."""
+    """Merge repeats from one place by the mean of those that agree with their median, the better ones counting more."""
     rows = np.nonzero(usable(readings, scene))[0]
     part = scene.world_from_part
     position = (readings.position_m[rows] - part[:3, 3]) @ part[:3, :3]
@@ -118,7 +125,7 @@ def gather(readings: Readings, scene: FusionScene) -> Stations:
     # The beam starts at the mouth of the tube; the range counts from the transducer behind it.
     dead = np.array([spec.dead_length_m for spec in readings.specs])[sensor]
     position, range_m = position + dead[:, None] * axis, readings.range_m[rows] - dead
-    sigma = np.array([spec.sigma_m for spec in readings.specs])[sensor]
+    sigma = stated_sigma(readings, rows)
     number = {_kind(k): n for n, k in enumerate(kinds(readings.specs))}
     kind_of = np.array([number[_kind(k)] for k in readings.specs], dtype=np.int64)
     spec = kind_of[sensor]
@@ -139,16 +146,21 @@ def gather(readings: Readings, scene: FusionScene) -> Stations:
     names, station = np.unique(group[keep], return_inverse=True)
     of_reading[rows[keep]] = station
     count = np.bincount(station, minlength=len(names))
+    # Inverse variances relative to the best reading of a station: equal readings have the weight 1 to the last bit.
+    finest = np.full(len(names), np.inf)
+    np.minimum.at(finest, station, sigma[keep])
+    weight = (finest[station] / sigma[keep]) ** 2
+    total = np.maximum(np.bincount(station, weights=weight, minlength=len(names)), 1.0)
 
     def mean(values: FloatArray) -> FloatArray:
-        return np.bincount(station, weights=values[keep], minlength=len(names)) / np.maximum(count, 1)
+        return np.bincount(station, weights=weight * values[keep], minlength=len(names)) / total
 
     first = np.zeros(len(names), dtype=np.int64)
     first[station[::-1]] = np.nonzero(keep)[0][::-1]
     kind_spec = spec[first] if len(names) else np.zeros(0, dtype=np.int64)
     return Stations(
         np.column_stack([mean(position[:, k]) for k in range(3)]), axis[first], mean(range_m),
-        mean(sigma) / np.sqrt(np.maximum(count, 1)), mean(amplitude), kind_spec, count, of_reading,
+        mean(sigma) / np.sqrt(total), mean(amplitude), kind_spec, count, of_reading,
     )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfuse.beam_model.echo.arrivals import MIRROR, NONE, RIM, predict
+from surfuse.beam_model.echo.arrivals import MIRROR, NONE, RIM, Cells, Hearing, Surface, predict
 from surfuse.beam_model.echo.detector import LEVELS, OFF_AXIS, TILTS, BeamTable, half_plane
 from surfuse.beam_model.echo.free_space import carve
 from surfuse.beam_model.heard.stations import Stations
@@ -92,6 +92,33 @@ def reach(table: BeamTable) -> float:
     return float(np.tan(min(OFF_AXIS[audible[-1]] if len(audible) else 0.0, 1.6 * table.half_angle_rad)))
 
 
+def hearing(table: BeamTable) -> Hearing:
+    """A table as the kernels take it."""
+    return Hearing(
+        mirror=table.mirror,
+        rim_wave=table.rim,
+        diffraction=DIFFRACTION,
+        angle_step=ANGLE_STEP,
+        diffraction_step=DIFFRACTION_STEP,
+        tilts=TILTS,
+        levels=LEVELS,
+        speckle=table.speckle_m,
+        scatter=table.scatter_m,
+        threshold=table.threshold,
+        rise=table.rise_m,
+        wavelength=table.wavelength_m,
+        reach=reach(table),
+        diffuse=table.rim_speckle,
+        murmur=float(MURMUR * table.level[TYPICAL]),
+        grain=float(table.scatter_m[TYPICAL, -1]),
+        optical=table.optical,
+    )
+
+
+def _cells(raster: Raster) -> Cells:
+    return Cells(raster.domain, raster.u0_m, raster.v0_m, raster.g_m)
+
+
 def arrivals(p: Estimation, height: FloatArray, crease_m: float, only: BoolArray | None = None) -> Arrivals:
     """First arrivals at all stations, or at those marked by `only`, over a surface (R, C).
 
@@ -99,18 +126,14 @@ def arrivals(p: Estimation, height: FloatArray, crease_m: float, only: BoolArray
     """
     s, r = p.stations, p.raster
     su, sv, cu, cv, rim = slopes(height, r.domain, r.g_m, crease_m)
+    surface = Surface(height, su, sv, cu, cv, rim, _cells(r))
     out = np.full((len(s), 3), np.inf)
-    station = np.ascontiguousarray(np.hstack([s.position_m, s.axis]))
+    station = np.hstack([s.position_m, s.axis])
     cell = np.zeros((len(s), 3), dtype=np.int64)
     chosen = np.ones(len(s), dtype=bool) if only is None else only
-    for k, t in enumerate(p.tables):
-        predict(
-            np.flatnonzero((s.spec == k) & chosen), station, s.range_m, p.level, height, su, sv, cu, cv, r.domain,
-            rim, r.u0_m, r.v0_m, r.g_m, t.mirror, t.rim, DIFFRACTION, ANGLE_STEP, DIFFRACTION_STEP, TILTS, LEVELS,
-            t.speckle_m, t.scatter_m, t.threshold, t.rise_m, t.wavelength_m, reach(t), t.rim_speckle,
-            MURMUR * t.level[TYPICAL],
-            t.scatter_m[TYPICAL, -1], t.optical, out, cell,
-        )  # fmt: skip
+    for k, table in enumerate(p.tables):
+        rows = np.flatnonzero((s.spec == k) & chosen)
+        predict(rows, station, (s.range_m, p.level), surface, hearing(table), out, cell)
     return Arrivals(out[:, 0], out[:, 1], out[:, 2], cell[:, 0], cell[:, 1], cell[:, 2])
 
 
@@ -118,13 +141,10 @@ def free_space(p: Estimation, trusted: IntArray) -> FloatArray:
     """Height (R, C) above which a cell would have been heard by at least two of the trusted stations (inf: none)."""
     s, r = p.stations, p.raster
     lowest = np.full((*r.shape, 2), np.inf)
-    for k, t in enumerate(p.tables):
-        if not t.optical:
-            carve(
-                trusted[s.spec[trusted] == k], s.position_m, s.axis, s.range_m, r.domain, r.u0_m, r.v0_m, r.g_m,
-                t.rim, DIFFRACTION, ANGLE_STEP, DIFFRACTION_STEP, t.threshold, t.rise_m, t.wavelength_m,
-                reach(t), lowest,
-            )  # fmt: skip
+    station = np.hstack([s.position_m, s.axis])
+    for k, table in enumerate(p.tables):
+        if not table.optical:
+            carve(trusted[s.spec[trusted] == k], station, s.range_m, _cells(r), hearing(table), lowest)
     return np.where(np.isfinite(lowest[..., 1]), lowest[..., 1], lowest[..., 0])
 
 

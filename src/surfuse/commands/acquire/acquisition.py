@@ -9,11 +9,13 @@ from contextlib import contextmanager
 from datetime import datetime
 from functools import partial
 from pathlib import Path
+from subprocess import Popen
 
 from surfuse.commands.acquire.locating import finder, locate
 from surfuse.commands.acquire.plan_and_walk import go_to_start, plan_for, scene_of, smooth_walk, walk
-from surfuse.commands.acquire.results import Finished, bus_event, finish, outcome_of
-from surfuse.commands.acquire.warm_up import warm_up_beside
+from surfuse.commands.acquire.results import Finished, bus_event, finish, outcome_of, statuses
+from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
+from surfuse.commands.acquire.warm_up import wait_for, warm_up_beside
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.errors import DataError, DeviceError, InterruptError, SafetyStopError, StorageError
@@ -26,6 +28,7 @@ from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
 from surfuse.runs.log_writer import LogWriter
 from surfuse.runs.progress import ScanProgress, read_progress
+from surfuse.runs.scan_log import few_echoes
 from surfuse.settings import Settings, from_tree
 
 
@@ -39,11 +42,15 @@ def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
     began = time.perf_counter()
     settings = _from_anywhere(settings)
     finder(settings)  # an unknown threshold is refused before anything is written
-    method, rig = create_method(settings.fusion), simulated_rig(settings)
-    run = RunFolder.create(out or default_folder(settings.scene.name))
-    with run.lock(), _resumable(run):
-        write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
-        return outcome_of(_acquire(run, settings, rig, method, watcher), run, began)
+    watcher.stage("start")
+    method = create_method(settings.fusion)
+    with warm_up_beside(method.name) as warm_up:
+        rig = simulated_rig(settings)
+        refuse_contradictions(settings, rig.specs)
+        run = RunFolder.create(out or default_folder(settings.scene.name))
+        with run.lock(), _resumable(run):
+            write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
+            return outcome_of(_acquire(run, settings, rig, method, warm_up, watcher), run, began)
 
 
 def resume(path: Path, watcher: Watcher) -> Outcome:
@@ -68,9 +75,12 @@ def resume(path: Path, watcher: Watcher) -> Outcome:
     settings = from_tree({**tables, "seed": seed}, str(run.configuration))
     if all(file.is_file() for file in (run.surface, run.summary, run.report)):
         return _complete(run)
-    method, rig = create_method(settings.fusion), simulated_rig(settings)
-    with run.lock(), _resumable(run):
-        return outcome_of(_acquire(run, settings, rig, method, watcher), run, began)
+    watcher.stage("start")
+    method = create_method(settings.fusion)
+    with warm_up_beside(method.name) as warm_up:
+        rig = simulated_rig(settings)
+        with run.lock(), _resumable(run):
+            return outcome_of(_acquire(run, settings, rig, method, warm_up, watcher), run, began)
 
 
 def _complete(run: RunFolder) -> Outcome:
@@ -93,8 +103,11 @@ def _resumable(run: RunFolder) -> Iterator[None]:
         yield
     except KeyboardInterrupt as error:
         raise InterruptError("interrupted; what was scanned is on disk", cure=go_on) from error
+    except InterruptError as error:
+        raise InterruptError(error.what, cure=go_on) from error
     except (SafetyStopError, DeviceError) as error:
-        cure = f"{error.cure}; what was scanned is on disk, {go_on}"
+        kept = f"what was scanned is on disk, {go_on}" if read_progress(run.path) is not None else f"then {go_on}"
+        cure = f"{error.cure}; {kept}"
         raise type(error)(error.what, cure=cure.removeprefix("; "), where=error.where) from error
 
 
@@ -118,23 +131,31 @@ def _from_anywhere(settings: Settings) -> Settings:
     return settings.model_copy(update=changed)
 
 
-def _acquire(run: RunFolder, settings: Settings, rig: Rig, method: FusionMethod, watcher: Watcher) -> Finished:
+def _acquire(
+    run: RunFolder,
+    settings: Settings,
+    rig: Rig,
+    method: FusionMethod,
+    warm_up: Popen[bytes] | None,
+    watcher: Watcher,
+) -> Finished:
     for warning in rig.warnings:
         watcher.warn(warning)
     # Read before the writer opens: opening gives a killed segment its missing end.
     progress = read_progress(run.path)
-    with warm_up_beside(method.name) as warm_up, rig.opened(), LogWriter(run.log) as log:
+    with rig.opened(), LogWriter(run.log) as log:
         scene, plan, done = _begin(progress, settings, rig, log, watcher)
-        bring = partial(go_to_start, rig, settings, plan.outline, plan)
+        bring = partial(go_to_start, rig, settings, plan.outline, plan, should_stop=watcher.stop_requested)
         with _noted(log, rig):
             state, sweeps, finished = walk(
                 rig, plan, scene, method, done, log, watcher, bring, smooth_walk(rig, settings)
             )
         if (trouble := bus_event(rig)) is not None:
             log.append_event(trouble)
-        if warm_up is not None and finished:
-            watcher.stage("compile, once")
-            warm_up.wait()
+        if finished and (doubt := few_echoes(statuses(sweeps))) is not None:
+            _tell(rig, log, watcher, "readings", doubt)
+        if finished:
+            wait_for(warm_up, watcher)
     return finish(run, settings, method, state, scene, plan, sweeps, rig, watcher, complete=finished)
 
 
@@ -157,7 +178,15 @@ def _begin(
         log.append_frame(found.frame)
     log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, "search", f"part found after {part.pictures} pictures"))
     log.append_plan(plan)
+    for doubt in doubts(settings, rig.specs, plan):
+        _tell(rig, log, watcher, "settings", doubt)
     return scene, plan, ()
+
+
+def _tell(rig: Rig, log: LogWriter, watcher: Watcher, source: str, doubt: str) -> None:
+    """A doubt for the user, now and in the report."""
+    watcher.warn(doubt)
+    log.append_event(LogEvent(rig.clock.now_s(), Level.WARN, source, doubt))
 
 
 def default_folder(scene: str) -> Path:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfuse.acquire.search import FoundPart, SearchParameters, SearchResult, search
+from surfuse.acquisition.search import FoundPart, SearchParameters, SearchResult, search
 from surfuse.commands.outcome import Watcher
-from surfuse.errors import DataError
+from surfuse.errors import DataError, InterruptError
 from surfuse.records import CameraFrame, Detection, Outline, Status
 from surfuse.rig.devices import Rig
 from surfuse.rig.mounts import world_from_shoulder
@@ -60,6 +60,7 @@ def locate(rig: Rig, settings: Settings, watcher: Watcher) -> LocatedPart:
     Raises
     ------
     DataError : no part was seen in a whole turn, or fewer than the one that is asked for.
+    InterruptError : the watcher asked to stop; the arm has not moved since.
     """
     # Beyond half a turn each way the camera would see the same again.
     lower = max(float(rig.arm.kinematics.lower_rad[0]), -np.pi)
@@ -70,6 +71,8 @@ def locate(rig: Rig, settings: Settings, watcher: Watcher) -> LocatedPart:
 
     def capture(joint1_rad: float) -> CameraFrame:
         nonlocal pictures
+        if watcher.stop_requested():
+            raise InterruptError(f"stopped after {pictures} pictures of the search, nothing is scanned yet")
         rig.begin(SEARCH, pictures)
         pictures += 1
         watcher.advance()

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from surfuse.acquire.scan import scan
-from surfuse.acquire.smooth import SmoothParameters, smooth_scan
+from surfuse.acquisition.scan import scan
+from surfuse.acquisition.smooth import SmoothParameters, smooth_scan
 from surfuse.commands.outcome import Watcher
 from surfuse.errors import ConfigError, DataError
 from surfuse.interfaces import FusionMethod
@@ -79,11 +79,22 @@ def _obstacles(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]:
     return Floor(), ring, part_box(outline)
 
 
-def go_to_start(rig: Rig, settings: Settings, outline: Outline, plan: ScanPlan, stop: int) -> None:
+def _never() -> bool:
+    return False
+
+
+def go_to_start(
+    rig: Rig,
+    settings: Settings,
+    outline: Outline,
+    plan: ScanPlan,
+    stop: int,
+    should_stop: Callable[[], bool] = _never,
+) -> None:
     """Bring the arm clear of everything to the stop before the one at which the scan begins, or goes on.
 
     From there the move to that stop is the one of an unbroken scan, so that what is measured is the same. Before the
-    first stop the arm comes to that stop itself.
+    first stop the arm comes to that stop itself. `should_stop` is asked before every move; after a yes nothing moves.
 
     Raises
     ------
@@ -96,6 +107,8 @@ def go_to_start(rig: Rig, settings: Settings, outline: Outline, plan: ScanPlan, 
     check = rig.clearance(around)
     here, least_m = rig.arm.joint_state().position_rad, settings.arm.clearance_m
     for joints in approach(here, plan.joints_rad[max(stop - 1, 0)], rig.arm.kinematics, check, least_m):
+        if should_stop():
+            return
         rig.arm.move_to(joints)
 
 
@@ -162,7 +175,8 @@ def walk(
 
     `bring` takes the arm to where the walk to a stop begins (see `go_to_start`). Every sweep is on disk before the arm
     moves on; on a smooth pass, before the next one fires. Sweeps reach the fusion in the order of the stops, so that a
-    resumed scan gives the same map: holes in what was done are filled before the fusion goes on.
+    resumed scan gives the same map: holes in what was done are filled before the fusion goes on. After the watcher has
+    asked to stop no move begins; a line of a smooth pass that has begun ends where the arm comes to rest.
     """
     sweeps = {sweep.stop: sweep for sweep in done}
     state, fused = method.start(scene), 0
@@ -182,6 +196,8 @@ def walk(
         rig.begin(STOP, stop)
 
     def visit(first: int, last: int) -> None:
+        if watcher.stop_requested():
+            return
         bring(first)
         part = replace_stops(plan, last)
         scan(part, rig.arm, rig.array, keep, begin, first, watcher.stop_requested)
@@ -191,7 +207,7 @@ def walk(
         smooth_scan(plan, arm, rig.array, planner, keep, begin, when, bring, sweeps, watcher.stop_requested)
     reached = len(plan) if smooth is not None else max(sweeps, default=-1) + 1
     for hole in range(reached):
-        if hole not in sweeps and not watcher.stop_requested():
+        if hole not in sweeps:
             visit(hole, hole + 1)
     visit(reached, len(plan))
     for stop in sorted(sweeps):

@@ -11,11 +11,11 @@ from pathlib import Path
 
 from surfuse import __version__, durable, registry
 from surfuse.commands.acquire.acquisition import acquire, default_folder
-from surfuse.commands.fuse.fuse_log import fused, grid_of
+from surfuse.commands.fuse.map_of_log import fused, grid_of
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.judge.evaluation import edge_m, score_data
 from surfuse.commands.outcome import Outcome, Watcher, finite
-from surfuse.errors import SurfuseError
+from surfuse.errors import InterruptError, SurfuseError
 from surfuse.records import Score, SurfaceMap
 from surfuse.report.comparison import render_comparison
 from surfuse.report.content import Axis, ComparisonContent, KeyFigure, NamedMap, SceneComparison, ScoreRow
@@ -85,13 +85,16 @@ def reproduce(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome
     began = time.perf_counter()
     run = RunFolder.create(out or default_folder("reproduce"))
     run.log.rmdir()
+    if settings.scene.name not in ("", *(one.scene for one in EXPERIMENTS)):
+        watcher.warn(f"scene.name = '{settings.scene.name}' has no effect here: the paper's scenes are scanned")
     compared = []
     for experiment in EXPERIMENTS:
+        _go_on(watcher, run)
         scene = settings.model_copy(update={"scene": settings.scene.model_copy(update={"name": experiment.scene})})
         outcome = acquire(scene, run.path / experiment.scene, watcher)
         if not outcome.complete:
             return outcome
-        watcher.stage(f"compare {experiment.scene}", len(registry.names("fusion")))
+        watcher.stage(f"compare {experiment.scene}", len(registry.found("fusion").built_in))
         compared.append(_compare(experiment, run.path / experiment.scene, settings, watcher))
     wall_s = time.perf_counter() - began
     data: dict[str, object] = {one.experiment.scene: _data(one) for one in compared}
@@ -104,6 +107,12 @@ def reproduce(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome
     return Outcome({"run": str(run.path), "report": str(run.report), "scenes": data, "wall_time_s": wall_s}, rows)
 
 
+def _go_on(watcher: Watcher, run: RunFolder) -> None:
+    """Stop here when the user asked for it."""
+    if watcher.stop_requested():
+        raise InterruptError("stopped; the scenes that were scanned are on disk", where=str(run.path))
+
+
 def _compare(experiment: Experiment, path: Path, settings: Settings, watcher: Watcher) -> Compared:
     """All methods on the readings of one run."""
     scan, run = load_scan(path), RunFolder(path)
@@ -112,7 +121,8 @@ def _compare(experiment: Experiment, path: Path, settings: Settings, watcher: Wa
     truth = truth_around(vertices, triangles, grid)
     maps: dict[str, SurfaceMap] = {}
     failures: dict[str, str] = {}
-    for name in sorted(registry.names("fusion"), key=lambda one: (one != PAPER, one)):
+    for name in sorted(registry.found("fusion").built_in, key=lambda one: (one != PAPER, one)):
+        _go_on(watcher, run)
         try:
             _, maps[name] = fused(scan, create_method(settings.fusion, name), grid)
         except SurfuseError as error:

@@ -5,9 +5,13 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
+import numpy as np
+
 from surfuse import __version__
+from surfuse.commands.acquire.settings_check import doubts
 from surfuse.commands.fuse.map_of_result import surface_of
 from surfuse.commands.judge.evaluation import edge_m, score_data, score_rows
 from surfuse.commands.maps.report import write_report
@@ -16,14 +20,16 @@ from surfuse.errors import DataError
 from surfuse.exporters import nc
 from surfuse.interfaces import FusionMethod
 from surfuse.plan.margin import margin_in_words
-from surfuse.records import FusionScene, Gap, ScanPlan, SurfaceMap, Sweep
+from surfuse.records import FusionScene, Gap, IntArray, Outline, ScanPlan, SurfaceMap, Sweep
 from surfuse.rig.devices import Rig, Truth
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
+from surfuse.runs.scan_log import few_echoes
 from surfuse.settings import Settings
 from surfuse.surface.gridding import lattice
 from surfuse.surface.score import score
 from surfuse.surface.truth import truth_around
+from surfuse.surface.truth_pieces import pieces_of_part
 
 _HARMLESS = ("frames", "foreign", "triggers", "readings")
 
@@ -88,10 +94,12 @@ def finish(
     result = method.finish(state, grid)
     surface = surface_of(result, grid, method.name, scene.outline)
     nc.write(run.surface, surface, overwrite=True, points=result.points)
+    few = few_echoes(statuses(sweeps))
+    data["warnings"] = [*rig.warnings, *doubts(settings, rig.specs, plan), *([] if few is None else [few])]
     gaps = int((result.points.gap != int(Gap.NONE)).sum())
     rows = []
     if rig.truth is not None:
-        rows = _score(run, surface, rig.truth, data)
+        rows = _score(run, surface, _of_scanned_part(rig.truth, scene.outline), data)
     data["gaps"] = gaps
     rows += [
         ("stops", f"{len(sweeps)} scanned, {len(plan.skipped)} left out"),
@@ -111,10 +119,20 @@ def finish(
     return Finished(data, rows, complete=True)
 
 
+def statuses(sweeps: Sequence[Sweep]) -> IntArray:
+    """Status (N,) of all readings."""
+    return np.concatenate([sweep.status for sweep in sweeps]) if sweeps else np.zeros(0, dtype=np.int64)
+
+
 def _margin_row(settings: Settings, scene: FusionScene, plan: ScanPlan) -> list[tuple[str, str]]:
     if scene.outline is None:
         return []
     return [("margin", margin_in_words(scene.outline, plan.outline.margin_m, settings.scan.margin_m is not None))]
+
+
+def _of_scanned_part(truth: Truth, outline: Outline | None) -> Truth:
+    """The truth without other parts on the table, which were not scanned."""
+    return truth if outline is None else Truth(*pieces_of_part(truth.vertices_m, truth.triangles, outline))
 
 
 def _score(run: RunFolder, surface: SurfaceMap, truth: Truth, data: dict[str, object]) -> list[tuple[str, str]]:

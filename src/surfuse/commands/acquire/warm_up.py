@@ -1,41 +1,63 @@
-"""Compiling a fusion method's kernels beside the scan that will need them, when they were never compiled here.
+"""Compiling kernels beside the acquisition that will need them, when they were never compiled here.
 
-The first run after an installation compiles every kernel once; the results are cached on disk. The kernels of the
-fusion are needed last, so a second process compiles them meanwhile, on a small plate.
+The first run after an installation compiles every kernel once; the results are cached on disk. The acquisition begins
+with the kernels of the arm and compiles on as it goes; a second process begins with those that are needed last, of the
+outline and of the fusion, on a small contour and a small plate.
 """
 
 from __future__ import annotations
 
+import hashlib
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import llvmlite
+import llvmlite.binding
+import numba
 import numpy as np
 
 import surfuse
 from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.outcome import Watcher
+from surfuse.geometry.kernel_folder import PACKAGE, kernel_folder
+from surfuse.geometry.kernel_sources import sources_key
 from surfuse.geometry.poses import pose
 from surfuse.records import FusionScene, MapGrid, Outline, Readings, SensorSpec, Status
 from surfuse.settings import FusionSettings
+from surfuse.vision.dominant_points import dominant_points
 
+STAGE = "compile, once"
 _STANDOFF_M = 0.43
 _STOPS = 12
+_PROGRAM = """
+import sys
+sys.path.append(sys.argv[1])
+from surfuse.pipeline.warm_up import compile_last
+compile_last(sys.argv[2])
+"""
 
 
 def start_warm_up(method: str) -> subprocess.Popen[bytes] | None:
-    """Start compiling in a process of its own if nothing of the fusion was ever compiled; None if it was."""
-    package = Path(surfuse.__file__).parent
-    if any((package / "confidence" / "__pycache__").glob("*.nbi")):
+    """Start compiling in a process of its own, unless all of it was compiled before.
+
+    The process looks for modules where this one found them, never in the current folder.
+    """
+    folder, stamp = kernel_folder(), _stamp(method)
+    if folder is None or stamp is None or stamp.is_file() or not sys.executable:
         return None
+    safe = "-I" if sys.flags.isolated else "-P"
     with suppress(OSError):
         # A failure costs only the time that it would have saved.
         return subprocess.Popen(
-            [sys.executable, "-m", "surfuse.commands.acquire.warm_up", method],
+            [sys.executable, safe, "-c", _PROGRAM, str(PACKAGE.parent), method],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
+            env=folder.environment(),
         )
     return None
 
@@ -50,6 +72,36 @@ def warm_up_beside(method: str) -> Iterator[subprocess.Popen[bytes] | None]:
         if process is not None:
             process.terminate()
             process.wait()
+
+
+def wait_for(process: subprocess.Popen[bytes] | None, watcher: Watcher) -> None:
+    """Wait until the second process has compiled all that it was started for, or the user asks for a stop."""
+    if process is not None and process.poll() is None:
+        watcher.stage(STAGE)
+        while process.poll() is None and not watcher.stop_requested():
+            time.sleep(0.05)
+
+
+def compile_last(method: str) -> None:
+    """Compile what an acquisition needs last, and leave a stamp that says so."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    wavy = 50.0 + 8.0 * np.cos(3.0 * angle)
+    dominant_points(np.column_stack([wavy * np.cos(angle), wavy * np.sin(angle)]))
+    compile_fusion(method)
+    if (stamp := _stamp(method)) is not None:
+        with suppress(OSError):
+            stamp.touch()
+
+
+def _stamp(method: str) -> Path | None:
+    """The file that says that a method was compiled, by this version and these libraries, for this processor."""
+    folder = kernel_folder()
+    if folder is None:
+        return None
+    cpu = (llvmlite.binding.get_host_cpu_name(), llvmlite.binding.get_host_cpu_features().flatten())
+    made = (surfuse.__version__, sys.version, llvmlite.__version__, numba.__version__, *cpu)
+    key = hashlib.sha256(repr(made).encode()).hexdigest()[:12]
+    return folder.path / f"compiled-{method}-{sources_key(Path(__file__), __name__)}-{key}"
 
 
 def small_scan() -> tuple[FusionScene, Readings, MapGrid]:
@@ -74,8 +126,6 @@ def small_scan() -> tuple[FusionScene, Readings, MapGrid]:
         range_m=ranges,
         status=np.full(n, int(Status.OK)),
         amplitude=np.ones(n),
-        sigma_m=np.full(n, np.nan),
-        count=np.ones(n, dtype=np.int64),
         start=4 * np.arange(len(grips) + 1),
         stop=np.arange(len(grips)),
         row=np.repeat(np.arange(_STOPS), _STOPS),
@@ -94,7 +144,3 @@ def compile_fusion(name: str) -> None:
     method.step(state, readings.sweep(0))
     method.replay(scene, readings, grid)
     create_method(FusionSettings(), "weighted_average").replay(scene, readings, grid)
-
-
-if __name__ == "__main__":
-    compile_fusion(sys.argv[1])

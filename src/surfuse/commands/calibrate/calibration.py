@@ -136,7 +136,8 @@ def read_views(path: Path) -> tuple[AngleView, ...]:
             header = reader.fieldnames or []
             rows = list(reader)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise DataError(f"cannot read the table ({error})", cure="give a CSV file", where=str(path)) from error
+        why = error.strerror if isinstance(error, OSError) else str(error)
+        raise DataError(f"cannot read the table ({why})", cure="give a CSV file", where=str(path)) from error
     missing = [name for name in _COLUMNS if name not in header]
     if missing:
         raise DataError(

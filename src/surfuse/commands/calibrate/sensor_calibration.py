@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from surfuse import durable
+from surfuse.commands.judge.truth_files import truth_mesh
 from surfuse.commands.outcome import Outcome
 from surfuse.errors import DataError, UsageError
 from surfuse.records import FloatArray, IntArray, LateTable, SensorSpec, Status
@@ -19,7 +20,6 @@ from surfuse.runs.side_files import RangeCorrection, read_corrections, sensors_t
 from surfuse.surface.beam_fan import BeamView, view
 from surfuse.surface.casting import RayCaster
 from surfuse.surface.sensor_fit import Capture, Facing, Late, fit_capture, fit_facing, fit_late
-from surfuse.surface.truth import read_truth_mesh
 
 TRUTH_NAME, SENSORS_NAME = "truth.ply", "sensors.toml"
 
@@ -57,7 +57,7 @@ def calibrate_sensor(logs: Sequence[Path], truths: Sequence[Path], out: Path, fo
     """
     durable.refuse_existing(out, force)
     scans = [_loaded(log) for log in logs]
-    model = fit_model(scans, [read_truth_mesh(_truth_of(k, logs, truths)) for k in range(len(logs))])
+    model = fit_model(scans, [truth_mesh(_truth_of(k, logs, truths)) for k in range(len(logs))])
     durable.write_text(out, model_toml(model), overwrite=force)
     summary = _summary(model) | {"logs": [str(log) for log in logs], "model": str(out)}
     return Outcome(summary, [*_rows(model), ("model", str(out))])

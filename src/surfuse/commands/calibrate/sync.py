@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from surfuse.commands.judge.truth_files import truth_mesh
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.errors import DataError
 from surfuse.runs.scan_source import load_scan
 from surfuse.runs.tof_vicon import is_tof_vicon, read_tof_vicon
 from surfuse.surface.incidence import BAND_DEG, IncidenceError, PlaneError, errors_by_incidence, fitted_plane
 from surfuse.surface.time_lag import estimate_lag
-from surfuse.surface.truth import read_truth_mesh
 
 
 def sync(log: Path, truth: Path | None, max_lag_ms: float, watcher: Watcher) -> Outcome:
@@ -27,7 +27,7 @@ def sync(log: Path, truth: Path | None, max_lag_ms: float, watcher: Watcher) -> 
     for warning in scan.warnings:
         watcher.warn(warning)
     recording = read_tof_vicon(log) if truth is None and is_tof_vicon(log) else None
-    mesh = read_truth_mesh(truth) if truth is not None else recording.target_mesh() if recording is not None else None
+    mesh = truth_mesh(truth) if truth is not None else recording.target_mesh() if recording is not None else None
     try:
         found = estimate_lag(scan.readings, scan.world_from_part, 1e-3 * max_lag_ms, mesh)
     except DataError as error:

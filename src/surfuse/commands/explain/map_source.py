@@ -14,18 +14,21 @@ from surfuse.records import FusedPoints, FusionScene, Readings, SurfaceMap
 from surfuse.runs.configuration import read_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_files import segment_paths
-from surfuse.runs.scan_source import load_scan
+from surfuse.runs.scan_source import LogSource, source_of_table
 from surfuse.settings import FusionSettings
 
 
 @dataclass(frozen=True)
 class MapSource:
-    """A map, its fused points, the readings behind them, where these were read from, and what fusion knew before."""
+    """A map, its fused points, the readings behind them, and what fusion knew before.
+
+    `log` is where the readings were read from, None when they never were in a file of their own.
+    """
 
     surface: SurfaceMap
     points: FusedPoints
     readings: Readings
-    log: Path
+    log: Path | None
     scene: FusionScene
     fusion: FusionSettings
 
@@ -43,8 +46,8 @@ def source_of(path: Path, log: Path | None = None) -> MapSource:
     surface, points = read_map(file), nc.read_points(file)
     if points is None:
         raise DataError("the map keeps no fused points", where=str(file), cure="give the surface.nc of a run")
-    found = log if log is not None else _log_of(RunFolder(file.parent), file)
-    scan = load_scan(found)
+    source = LogSource(log) if log is not None else _log_of(RunFolder(file.parent), file)
+    scan, found = source.load(), source.log
     readings = scan.readings
     same = (
         readings.n_sweeps == len(points)
@@ -69,16 +72,15 @@ def _fusion_of(run: RunFolder) -> FusionSettings:
     return FusionSettings.model_validate(tables.get("fusion", {}))
 
 
-def _log_of(run: RunFolder, file: Path) -> Path:
+def _log_of(run: RunFolder, file: Path) -> LogSource:
     if run.log.is_dir() and segment_paths(run.log):
-        return run.path
+        return LogSource(run.path)
     cure = "give the log that the map was made from with --log"
     if not run.configuration.is_file():
         raise DataError("neither a log nor a run.toml lies beside the map", where=str(file), cure=cure)
-    source = read_configuration(run.configuration)[0].get("source")
-    named = source.get("log") if isinstance(source, dict) else None
-    if not isinstance(named, str):
+    found = source_of_table(read_configuration(run.configuration)[0].get("source"))
+    if found is None:
         raise DataError("run.toml names no source.log", where=str(run.configuration), cure=cure)
-    if not Path(named).exists():
-        raise DataError(f"the log '{named}' is no longer there", where=str(run.configuration), cure=cure)
-    return Path(named)
+    if not found.log.exists():
+        raise DataError(f"the log '{found.log}' is no longer there", where=str(run.configuration), cure=cure)
+    return found

@@ -11,21 +11,17 @@ import numpy as np
 
 from surfuse import __version__
 from surfuse.commands.acquire.acquisition import default_folder
-from surfuse.commands.fuse.map_of_result import surface_of
-from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.fuse.map_of_log import fused, grid_of, opened, require_cells
+from surfuse.commands.fuse.methods import create_method, fusion_settings
 from surfuse.commands.maps.report import write_report
 from surfuse.commands.outcome import Outcome, Watcher
-from surfuse.errors import DataError
 from surfuse.exporters import nc
-from surfuse.geometry.poses import inverse, transform_points
 from surfuse.interfaces import FusionMethod
-from surfuse.records import FusionResult, Gap, MapGrid, Regime, Status, SurfaceMap, in_words
+from surfuse.records import FusionResult, Gap, Regime, SurfaceMap, in_words
 from surfuse.runs.configuration import write_configuration
 from surfuse.runs.folder import RunFolder
-from surfuse.runs.scan_log import ScanLog, require_echoes
-from surfuse.runs.scan_source import load_scan
-from surfuse.settings import load
-from surfuse.surface.gridding import lattice
+from surfuse.runs.scan_log import ScanLog
+from surfuse.runs.scan_source import LogSource
 
 
 def fuse(
@@ -45,25 +41,21 @@ def fuse(
     SurfuseError : with the exit status of its kind; nothing is written then, but perhaps an empty folder.
     """
     began = time.perf_counter()
-    settings = load(None, overrides)
+    settings = fusion_settings(overrides, "fuse")
     method = create_method(settings.fusion)
+    source = LogSource(log, sensors, frame, outline)
     watcher.stage("read")
-    scan = opened(log, watcher, sensors, frame, outline)
+    scan = opened(source, watcher)
     watcher.stage("fuse")
     grid = grid_of(scan)
     result, surface = fused(scan, method, grid)
-    if not surface.mask.any():
-        raise DataError(
-            f"method '{method.name}' found no cell that it could give a value",
-            cure="check the part frame, the outline and the sensors' limits, or try another method",
-            where=str(log),
-        )
+    require_cells(surface, str(log))
     run = RunFolder.create(out or default_folder(f"{log.resolve().stem}-fused"))
     with run.lock():
         # A fused run has no log of its own: it names the one that it was made from.
         run.log.rmdir()
         tree = settings.model_dump(include={"fusion"})
-        write_configuration(run.configuration, {**tree, "source": {"log": str(log.resolve())}}, settings.seed)
+        write_configuration(run.configuration, {**tree, "source": source.table()}, settings.seed)
         nc.write(run.surface, surface, points=result.points)
         summary = _summary(scan, method, result, surface, log)
         run.write_text(run.summary, json.dumps(summary, indent=2) + "\n")
@@ -89,38 +81,6 @@ def _unmeasured(surface: SurfaceMap) -> list[tuple[str, str]]:
     prior = int(np.count_nonzero(surface.mask & (surface.regime == int(Regime.PRIOR))))
     text = f"{prior} of these cells only continue their surroundings: no reading holds them"
     return [("not measured", text)] if prior else []
-
-
-def fused(scan: ScanLog, method: FusionMethod, grid: MapGrid) -> tuple[FusionResult, SurfaceMap]:
-    """Points and map of a scan by a method, on a grid."""
-    result = method.replay(scan.scene(), scan.readings, grid)
-    return result, surface_of(result, grid, method.name, scan.outline)
-
-
-def grid_of(scan: ScanLog) -> MapGrid:
-    """The grid of the places on the part that the scan's stops look at, in its part frame.
-
-    A wrist turned by 30 degrees stands a quarter of a metre beside what it looks at: the stops are followed along the
-    grip axis by the median range.
-    """
-    if scan.targets_uv_m is not None:
-        return lattice(scan.targets_uv_m, scan.world_from_part)
-    readings = scan.readings
-    heard = readings.range_m[(readings.status == int(Status.OK)) & np.isfinite(readings.range_m)]
-    typical = float(np.median(heard)) if len(heard) else 0.0
-    seen = readings.world_from_grip[:, :3, 3] + typical * readings.world_from_grip[:, :3, 2]
-    return lattice(transform_points(inverse(scan.world_from_part), seen)[:, :2], scan.world_from_part)
-
-
-def opened(
-    log: Path, watcher: Watcher, sensors: Path | None = None, frame: Path | None = None, outline: Path | None = None
-) -> ScanLog:
-    """A log that can be fused; what was odd about it is told."""
-    scan = load_scan(log, sensors, frame, outline)
-    for warning in scan.warnings:
-        watcher.warn(warning)
-    require_echoes(scan.readings, str(log))
-    return scan
 
 
 def _summary(

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields
-from types import ModuleType
+from collections.abc import Callable, Sequence
 
 from surfuse import registry
 from surfuse.errors import ConfigError, nearest
 from surfuse.interfaces import FusionMethod
-from surfuse.settings import FusionSettings, Plain
+from surfuse.settings import FusionSettings, Settings, load
 
 
 def create_method(settings: FusionSettings, name: str | None = None) -> FusionMethod:
@@ -26,27 +24,43 @@ def create_method(settings: FusionSettings, name: str | None = None) -> FusionMe
         )
     for method_name, values in settings.parameters.items():
         # Also of methods that do not run now: a misspelt parameter must not wait until they do.
-        _parameters(registry.load("fusion", method_name), method_name, values)
+        registry.parameters("fusion", method_name, values, f"fusion.parameters.{method_name}")
     chosen = name or settings.method
-    module = registry.load("fusion", chosen)
-    method: FusionMethod = module.create(_parameters(module, chosen, settings.parameters.get(chosen, {})))
+    values = settings.parameters.get(chosen, {})
+    parameters = registry.parameters("fusion", chosen, values, f"fusion.parameters.{chosen}")
+    method: FusionMethod = registry.load("fusion", chosen).create(parameters)
     return method
 
 
-def method_lines() -> list[tuple[str, str]]:
-    """Name and summary of every fusion method."""
-    return [(name, str(registry.load("fusion", name).SUMMARY)) for name in registry.names("fusion")]
+def usable_methods(warn: Callable[[str], None]) -> tuple[str, ...]:
+    """Names of all fusion methods; `warn` is told of each that another package brings and that cannot be used."""
+    listing = registry.listing("fusion")
+    for line in listing.left_out:
+        warn(line)
+    return listing.names
 
 
-def _parameters(module: ModuleType, method: str, values: Mapping[str, Plain]) -> object:
-    known = {field.name: field for field in fields(module.Parameters)}
-    for key, value in values.items():
-        where = f"fusion.parameters.{method}.{key}"
-        if key not in known:
-            raise ConfigError(f"unknown key '{where}'", cure=nearest(key, known))
-        default = known[key].default
-        wanted = (int, float) if isinstance(default, float) else type(default)
-        if not isinstance(value, wanted) or (isinstance(value, bool) and not isinstance(default, bool)):
-            kind = "number" if isinstance(default, float) else type(default).__name__
-            raise ConfigError(f"{where} = {value!r}", cure=f"give a {kind}, for example {default!r}")
-    return module.Parameters(**values)
+def fusion_settings(overrides: Sequence[str], command: str, method_counts: bool = True) -> Settings:
+    """The settings of a command that only fuses; `method_counts` is false where every method runs.
+
+    Raises
+    ------
+    ConfigError : an override that this command does nothing with, or that is none.
+    """
+    settings = load(None, overrides)
+    for text in overrides:
+        key = text.partition("=")[0].strip()
+        if key.split(".")[0] not in ("fusion", "seed"):
+            raise ConfigError(
+                f"--set {key}: 'surfuse {command}' does not use it, the readings are what they are",
+                cure="only fusion.* counts here; acquire again to change how a scan is made",
+            )
+        if key == "fusion.method" and not method_counts:
+            raise ConfigError(f"--set {key}: 'surfuse {command}' runs every method", cure="leave it out")
+    return settings
+
+
+def method_lines(warn: Callable[[str], None]) -> list[tuple[str, str]]:
+    """Name and summary of every fusion method; `warn` as in `usable_methods`."""
+    usable_methods(warn)
+    return [(one.name, one.summary) for one in registry.listing("fusion").plug_ins]

@@ -5,21 +5,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from surfuse.commands.fuse.fuse_log import fused, grid_of
-from surfuse.commands.fuse.methods import create_method
-from surfuse.commands.judge.evaluation import read_truth
-from surfuse.commands.maps.map_files import NATIVE, read_map
+import numpy as np
+
+from surfuse.commands.fuse.map_of_log import fused, grid_of, opened
+from surfuse.commands.fuse.methods import create_method, fusion_settings
+from surfuse.commands.judge.truth_files import TruthFrame, nothing_in_common, read_truth
+from surfuse.commands.maps.map_files import NATIVE, is_map_file, read_map
 from surfuse.commands.outcome import Outcome, Watcher
+from surfuse.errors import DataError, UsageError
 from surfuse.records import SurfaceMap
-from surfuse.runs.scan_log import require_echoes
-from surfuse.runs.scan_source import load_scan
-from surfuse.settings import load
+from surfuse.runs.scan_source import LogSource
 from surfuse.surface.coverage import LEVELS, IntervalCoverage, interval_coverage
+from surfuse.surface.score import error_map
 
-MAP_SUFFIXES = (".nc", ".nc4")
 
-
-def coverage(log: Path, truth: Path, scale: float, overrides: Sequence[str], watcher: Watcher) -> Outcome:
+def coverage(
+    log: Path,
+    truth: Path,
+    scale: float,
+    overrides: Sequence[str],
+    watcher: Watcher,
+    frame: TruthFrame = TruthFrame.AUTO,
+) -> Outcome:
     """How often the truth lies within the 50, 90 and 99 % intervals, over all cells and regime by regime.
 
     `log` is a map file or a finished run, whose map is taken as it is, or any log, which is fused now; a run is fused
@@ -30,7 +37,12 @@ def coverage(log: Path, truth: Path, scale: float, overrides: Sequence[str], wat
     SurfuseError : the log, the map or the truth cannot be used, or they have no cell in common.
     """
     surface = _map_of(log, overrides, watcher)
-    found = interval_coverage(surface, read_truth(truth, surface.grid, scale))
+    against = read_truth(truth, surface.grid, scale, frame)
+    if not np.any(np.isfinite(error_map(surface, against))):
+        raise nothing_in_common(truth, frame)
+    if not np.any(np.isfinite(surface.sigma_m)):
+        raise DataError("the map has no sigma to check", where=str(log), cure="give a run folder or its surface.nc")
+    found = interval_coverage(surface, against)
     summary: dict[str, object] = {
         "log": str(log),
         "truth": str(truth),
@@ -45,14 +57,14 @@ def coverage(log: Path, truth: Path, scale: float, overrides: Sequence[str], wat
 
 
 def _map_of(log: Path, overrides: Sequence[str], watcher: Watcher) -> SurfaceMap:
-    finished = log.suffix.lower() in MAP_SUFFIXES or (log / NATIVE).is_file()
-    if finished and not overrides:
+    if is_map_file(log) and overrides:
+        raise UsageError(
+            f"--method or --set with the map '{log}', which keeps no readings", cure="leave them out, or give the run"
+        )
+    if is_map_file(log) or ((log / NATIVE).is_file() and not overrides):
         return read_map(log)
-    settings = load(None, overrides)
-    scan = load_scan(log)
-    for warning in scan.warnings:
-        watcher.warn(warning)
-    require_echoes(scan.readings, str(log))
+    settings = fusion_settings(overrides, "coverage")
+    scan = opened(LogSource(log), watcher)
     return fused(scan, create_method(settings.fusion), grid_of(scan))[1]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -12,9 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from surfuse import __version__, durable, registry
-from surfuse.commands.fuse.fuse_log import fused, grid_of, opened
-from surfuse.commands.fuse.methods import create_method
-from surfuse.commands.judge.evaluation import NEAR_M, edge_of, edge_truth, has_step, read_truth, score_data
+from surfuse.commands.acquire.warm_up import small_scan
+from surfuse.commands.fuse.map_of_log import fused, grid_of, opened
+from surfuse.commands.fuse.methods import create_method, fusion_settings, usable_methods
+from surfuse.commands.judge.evaluation import NEAR_M, edge_of, has_step, score_data
+from surfuse.commands.judge.truth_files import TruthFrame, edge_truth, nothing_in_common, read_truth
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.errors import SurfuseError
 from surfuse.exporters import nc
@@ -23,12 +26,22 @@ from surfuse.report.comparison import render_comparison
 from surfuse.report.content import ComparisonContent, NamedMap, ReportEvent, SceneComparison, ScoreRow
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import ScanLog
-from surfuse.settings import FusionSettings, load
+from surfuse.runs.scan_source import LogSource
+from surfuse.settings import FusionSettings
 from surfuse.surface.score import score, share_within
 
 PAGE = "comparison.html"
 _WITH_TRUTH = "RMSE mm  p95 mm  bias mm  coverage  in 3 mm  edge mm  seconds"
 _WITHOUT = "cells  median sigma mm  seconds"
+
+
+@dataclass(frozen=True)
+class TruthFile:
+    """A file of truth, the factor on its numbers, and the frame that they are in."""
+
+    path: Path
+    scale: float = 1.0
+    frame: TruthFrame = TruthFrame.AUTO
 
 
 @dataclass(frozen=True)
@@ -52,22 +65,29 @@ class MethodResult:
     within: float = math.nan
 
 
-def compare(log: Path, truth: Path | None, out: Path | None, overrides: Sequence[str], watcher: Watcher) -> Outcome:
+def compare(
+    log: Path, truth: TruthFile | None, out: Path | None, overrides: Sequence[str], watcher: Watcher
+) -> Outcome:
     """Every fusion method on the same readings; against truth when there is one.
 
     With `out`, the map of each method is written there as METHOD.nc, and all of them together as a page.
     """
-    settings = load(None, overrides)
-    scan = opened(log, watcher)
+    settings = fusion_settings(overrides, "compare", method_counts=False)
+    scan = opened(LogSource(log), watcher)
     grid = grid_of(scan)
-    against = Against(read_truth(truth, grid), edge_truth(truth, grid)) if truth is not None else None
+    against = None
+    if truth is not None:
+        against = Against(*(read(truth.path, grid, truth.scale, truth.frame) for read in (read_truth, edge_truth)))
     folder = _empty_folder(out) if out is not None else None
-    names = registry.names("fusion")
+    names = usable_methods(watcher.warn)
     watcher.stage("compare", len(names))
     results: list[MethodResult] = []
     for name in names:
         results.append(result_of(scan, settings.fusion, name, grid, against))
         watcher.advance()
+    scores = [one.found for one in results if one.found is not None]
+    if truth is not None and scores and not any(found.cells for found in scores):
+        raise nothing_in_common(truth.path, truth.frame)
     summary: dict[str, object] = {"log": str(log), "methods": {one.name: _entry(one) for one in results}}
     rows = [("method", _WITHOUT if against is None else _WITH_TRUTH), *((one.name, line_of(one)) for one in results)]
     if folder is not None:
@@ -84,12 +104,22 @@ def compare(log: Path, truth: Path | None, out: Path | None, overrides: Sequence
 def result_of(
     scan: ScanLog, settings: FusionSettings, name: str, grid: MapGrid, against: Against | None
 ) -> MethodResult:
-    """One method on the readings of a scan. A method that cannot fuse them says why."""
+    """One method on the readings of a scan. A method that cannot fuse them says why.
+
+    Its seconds are those of the fusion alone: its kernels are compiled or loaded before, on a small scan.
+    """
+    with suppress(SurfuseError):
+        create_method(settings, name).replay(*small_scan())
     began = time.perf_counter()
     try:
         _, surface = fused(scan, create_method(settings, name), grid)
     except SurfuseError as error:
         return MethodResult(name, time.perf_counter() - began, error=str(error))
+    except Exception as error:
+        # Of a method that another package brings anything may come.
+        if name in registry.found("fusion").built_in:
+            raise
+        return MethodResult(name, time.perf_counter() - began, error=f"{type(error).__name__}: {error}")
     seconds = time.perf_counter() - began
     if against is None:
         return MethodResult(name, seconds, surface)

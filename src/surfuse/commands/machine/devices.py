@@ -1,20 +1,33 @@
-"""What is plugged into this machine, for people and for machines."""
+"""What is plugged into this machine and what can drive it, for people and for machines."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
 
+from surfuse import registry
 from surfuse.commands.outcome import Outcome
 from surfuse.node.discovery import CanAdapter, Devices, IioDevice, SerialPort, find_devices
 
+DRIVERS = ("arms", "cameras", "sensors")
 _UP = {True: "up", False: "down", None: "state unknown"}
 
 
 def devices(sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> Outcome:
-    """List serial ports, CAN adapters, cameras and IIO devices without opening any of them."""
+    """List serial ports, CAN adapters, cameras and IIO devices without opening any of them; then the drivers."""
     found = find_devices(sys_root, dev_root)
-    return Outcome(asdict(found), _rows(found))
+    listings = {kind: registry.listing(kind) for kind in DRIVERS}
+    drivers = {kind: [asdict(one) for one in listing.plug_ins] for kind, listing in listings.items()}
+    left_out = [line for listing in listings.values() for line in listing.left_out]
+    rows = _rows(found)
+    for kind, listing in listings.items():
+        rows += [(f"{registry.NOUNS[kind]} {one.name}", _driver(one)) for one in listing.plug_ins]
+    rows += [("note", line) for line in left_out]
+    return Outcome({**asdict(found), "drivers": drivers, "left_out": left_out}, rows)
+
+
+def _driver(one: registry.Listed) -> str:
+    return "; ".join(filter(None, (one.summary, one.needs)))
 
 
 def _rows(found: Devices) -> list[tuple[str, str]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -10,38 +9,40 @@ from pathlib import Path
 import numpy as np
 
 from surfuse import __version__, registry, settings
-from surfuse.acquire.station import take_sweep
+from surfuse.acquisition.station import take_sweep
 from surfuse.commands.acquire.locating import locate
 from surfuse.commands.acquire.plan_and_walk import plan_for, scene_of
+from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
 from surfuse.commands.acquire.warm_up import compile_fusion
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, SilentWatcher
 from surfuse.errors import SurfuseError
+from surfuse.extras import EXTRAS, Extra
+from surfuse.geometry.kernel_folder import kernel_folder
 from surfuse.records import Outline, ScanPlan, Status
 from surfuse.rig.devices import Rig
 from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.surface.gridding import lattice
 
 _CORE = ("numpy", "scipy", "numba", "embreex", "trimesh", "opencv-python-headless", "mcap", "h5netcdf", "viser")
-_EXTRAS = {
-    "sdfio": "surface",
-    "x3pio": "surface",
-    "serial": "serial",
-    "gpiozero": "gpio",
-    "mujoco": "dynamics",
-    "eaik": "closed-form",
-}
 
 Check = tuple[str, str, bool]
 
 
 def doctor(rig: Path | None, assignments: list[str]) -> Outcome:
     """Check the installation, the configuration and, in the twin, whether the whole part can be scanned."""
-    checks = [("surfuse", f"{__version__}, Python {platform.python_version()}", True), *_packages(), *_plug_ins()]
+    checks = [
+        ("surfuse", f"{__version__}, Python {platform.python_version()}", True),
+        *_packages(),
+        *_plug_ins(),
+        _kernels(),
+    ]
     checks += _cell(rig, assignments)
     rows = [(name, text if good else f"PROBLEM: {text}") for name, text, good in checks]
     problems = [name for name, _, good in checks if not good]
-    rows.append(("result", f"{len(problems)} problems: {', '.join(problems)}" if problems else "all is well"))
+    missing = ", ".join(extra.name for extra in EXTRAS if extra.missing)
+    well = f"all is well; extras that are not installed: {missing}" if missing else "all is well"
+    rows.append(("result", f"{len(problems)} problems: {', '.join(problems)}" if problems else well))
     data: dict[str, object] = {name: {"text": text, "good": good} for name, text, good in checks}
     return Outcome({"checks": data, "problems": problems}, rows)
 
@@ -53,16 +54,35 @@ def _packages() -> list[Check]:
             found.append((name, version(name), True))
         except PackageNotFoundError:
             found.append((name, f"not installed; pip install {name}", False))
-    for module, extra in _EXTRAS.items():
-        there = importlib.util.find_spec(module) is not None
-        found.append(
-            (module, "installed" if there else f"not installed; pip install 'surfuse[{extra}]' if needed", True)
-        )
-    return found
+    return found + [_extra(extra) for extra in EXTRAS]
+
+
+def _extra(extra: Extra) -> Check:
+    """An extra is no problem when it is missing: not everybody needs it."""
+    listing = ", ".join(extra.missing or extra.modules)
+    told = f"missing ({listing}); for {extra.purpose}: {extra.command}" if extra.missing else f"present ({listing})"
+    return f"extra {extra.name}", told, True
 
 
 def _plug_ins() -> list[Check]:
-    return [(kind, ", ".join(registry.names(kind)), True) for kind in registry.KINDS]
+    """All plug-ins by kind; what one still needs, or why it is left out, in a line of its own."""
+    checks: list[Check] = []
+    for kind in registry.KINDS:
+        listing = registry.listing(kind)
+        checks.append((kind.replace("_", " "), ", ".join(listing.names), True))
+        checks += [(f"{registry.NOUNS[kind]} {one.name}", one.needs, True) for one in listing.plug_ins if one.needs]
+        checks += [(f"{kind} note {n}", line, True) for n, line in enumerate(listing.left_out, start=1)]
+    return checks
+
+
+def _kernels() -> Check:
+    """Where compiled kernels are kept; not a problem where they cannot be, only slower."""
+    folder = kernel_folder()
+    if folder is not None and folder.lasting:
+        return ("kernels", f"kept in {folder.path}", True)
+    refused = () if folder is None else folder.refused
+    tried = f" ({', '.join(map(str, refused))}: not writable, or writable by others)" if refused else ""
+    return ("kernels", f"compiled anew by every command{tried}; set NUMBA_CACHE_DIR to a folder of your own", True)
 
 
 def _cell(rig: Path | None, assignments: list[str]) -> list[Check]:
@@ -70,6 +90,7 @@ def _cell(rig: Path | None, assignments: list[str]) -> list[Check]:
     try:
         chosen = settings.load(rig, assignments)
         built = simulated_rig(chosen)
+        refuse_contradictions(chosen, built.specs)
     except SurfuseError as error:
         return [("configuration", str(error), False)]
     checks: list[Check] = [("configuration", f"scene '{chosen.scene.name}', method '{chosen.fusion.method}'", True)]
@@ -87,6 +108,7 @@ def _reach(built: Rig, chosen: settings.Settings) -> list[Check]:
     return [
         ("camera", f"sees a part of {size[0]:.0f} x {size[1]:.0f} mm after {part.pictures} pictures", True),
         ("reach", f"{len(plan)} of {len(plan) + len(plan.skipped)} stops can be visited", True),
+        *(("doubt", text, True) for text in doubts(chosen, built.specs, plan)),
         *_fusion(built, chosen, part.outline, plan),
     ]
 

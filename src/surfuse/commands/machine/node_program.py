@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import secrets
 import signal
 import threading
@@ -15,12 +14,12 @@ from types import FrameType
 
 from surfuse import registry
 from surfuse.commands.outcome import Outcome
-from surfuse.errors import ConfigError, nearest
-from surfuse.interfaces import Clock, RangeSensor
+from surfuse.errors import ConfigError, UsageError, nearest
+from surfuse.interfaces import STANDING_ALONE, Clock, MonotonicClock, RangeSensor
 from surfuse.node.averaging import average_echoes
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
-from surfuse.node.firmware import MonotonicClock, run
+from surfuse.node.firmware import run
 from surfuse.node.link import BusLink, open_bus
 from surfuse.node.responder import Average, Configure, NodeIdentity, Responder, SimultaneousFire
 from surfuse.node.simultaneous_fire import ThreadedVolley
@@ -30,7 +29,6 @@ from surfuse.runs.toml_file import read_toml, refuse_unknown
 from surfuse.settings import BUS_PINGS_LIMIT, BusSettings, from_tree
 
 DEFAULT_BUS = "udp_multicast"
-OWN_SENSORS = ("a02yyuw", "hcsr04", "iio", "maxbotix", "tfmini")
 PINGS = 5
 _UID_LIMIT = 65_536
 _SESSIONS = 256
@@ -59,6 +57,7 @@ def node(
     DeviceError : the bus or a sensor cannot be opened.
     """
     chosen = read_node_file(file, options)
+    _refuse_unused(chosen, options)
     tally, bus = Tally(), bus_parameters(chosen.bus)
     identity = NodeIdentity(chosen.bus.node, uuid.getnode() % _UID_LIMIT, secrets.randbelow(_SESSIONS))
     average: Average | None = None
@@ -67,7 +66,7 @@ def node(
     with ExitStack() as opening:
         if chosen.sensors:
             clock: Clock = MonotonicClock()
-            sensors: Sequence[RangeSensor] = [opening.enter_context(_own(*sensor)) for sensor in chosen.sensors]
+            sensors: Sequence[RangeSensor] = [opening.enter_context(_own(*sensor, "node")) for sensor in chosen.sensors]
             fire_together: SimultaneousFire = ThreadedVolley(sensors)
             pings, average = chosen.pings, average_echoes
         else:
@@ -90,6 +89,16 @@ def node(
         say(f"node {identity.node} on {bus.interface} {bus.channel}: {len(sensors)} {kind} sensors; Ctrl-C ends it")
         run(responder, BusLink(lambda: open_bus(bus), MonotonicClock(), tally), stop)
     return _outcome(responder, identity, tally, [sensor.spec.name for sensor in sensors])
+
+
+def _refuse_unused(chosen: NodeFile, options: Mapping[str, object]) -> None:
+    """Options that this node would do nothing with."""
+    if chosen.sensors and options.get("tether_port") is not None:
+        raise UsageError("--tether-port with sensors of its own", cure="leave it out: it places simulated sensors")
+    if options.get("port") is not None and chosen.bus.interface != DEFAULT_BUS:
+        raise UsageError(
+            f"--port with the bus '{chosen.bus.interface}'", cure=f"leave it out: it is for {DEFAULT_BUS} (--bus udp)"
+        )
 
 
 @contextmanager
@@ -139,31 +148,18 @@ def read_node_file(file: Path | None, options: Mapping[str, object]) -> NodeFile
 def _sensor_entry(entry: object, where: str) -> tuple[str, Mapping[str, object]]:
     if not isinstance(entry, dict) or not isinstance(entry.get("plugin"), str):
         raise ConfigError("a [[sensor]] without plugin", cure="write plugin = 'tfmini', for example", where=where)
-    name = entry["plugin"]
-    if name not in OWN_SENSORS:
-        raise ConfigError(f"unknown sensor plug-in '{name}'", cure=nearest(name, OWN_SENSORS), where=where)
+    name, names = entry["plugin"], registry.names("sensors")
+    if name not in names:
+        raise ConfigError(f"unknown sensor plug-in '{name}'", cure=nearest(name, names), where=where)
     values = {key: value for key, value in entry.items() if key != "plugin"}
-    fields = dataclasses.fields(registry.load("sensors", name).Parameters)
-    refuse_unknown(values, [field.name for field in fields], f"{where}, sensor '{name}'")
-    missing = [
-        field.name
-        for field in fields
-        if field.default is dataclasses.MISSING
-        and field.default_factory is dataclasses.MISSING
-        and field.name not in values
-    ]
-    if missing:
-        raise ConfigError(f"sensor '{name}' lacks {', '.join(missing)}", cure=f"add {missing[0]} = ...", where=where)
+    _own(name, values, where)
     return name, values
 
 
-def _own(name: str, values: Mapping[str, object]) -> RangeSensor:
-    """A driver with its parameters."""
-    plug_in = registry.load("sensors", name)
-    try:
-        sensor: RangeSensor = plug_in.create(plug_in.Parameters(**values))
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"sensor '{name}': {error}", cure="correct its table in the node file") from error
+def _own(name: str, values: Mapping[str, object], where: str) -> RangeSensor:
+    """A driver with its parameters; it is not opened yet."""
+    parameters = registry.parameters("sensors", name, values, f"{where}, sensor '{name}'", STANDING_ALONE)
+    sensor: RangeSensor = registry.load("sensors", name).create(parameters)
     return sensor
 
 

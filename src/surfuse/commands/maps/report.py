@@ -39,7 +39,7 @@ from surfuse.runs.log_files import segment_paths
 from surfuse.runs.log_reader import read_log
 from surfuse.runs.log_records import Level, RunLog
 from surfuse.runs.scan_log import ScanLog
-from surfuse.runs.scan_source import load_scan
+from surfuse.runs.scan_source import source_of_table
 from surfuse.settings import FusionSettings, Settings, from_tree
 from surfuse.surface.score import score
 from surfuse.surface.splines import spline_surface
@@ -61,12 +61,34 @@ def report(path: Path, file: Path | None, overwrite: bool, against: str | None =
     `against` defaults to the paper's method, or to `beam` for a run of the paper's.
     """
     run = RunFolder(path)
+    if not path.is_dir():
+        what, cure = "there is no such folder", "give a run folder"
+        if path.exists():
+            what, cure = "it is a file", "give a run folder; 'surfuse view' shows a map by itself"
+        raise DataError(what, cure=cure, where=str(path))
     if not run.surface.is_file():
-        raise DataError(f"the folder holds no {NATIVE}", cure="finish the run with 'surfuse resume'", where=str(path))
+        begun = run.configuration.is_file()
+        cure = "finish the run with 'surfuse resume'" if begun else "give a run folder"
+        raise DataError(f"the folder holds no {NATIVE}", cure=cure, where=str(path))
     target = file or run.report
     method = nc.read(run.surface).method
-    write_report(run, target, overwrite, against=against or ("beam" if method == PAPER else PAPER))
+    content = content_of(run, None, against or ("beam" if method == PAPER else PAPER))
+    if against is not None and content.rival is None:
+        raise _no_rival(against, method, content, str(path))
+    durable.write_text(target, render_report(content), overwrite=overwrite)
     return Outcome({"report": str(target)}, [("report", str(target))])
+
+
+def _no_rival(against: str, method: str, content: ReportContent, where: str) -> DataError:
+    """Why the method that was asked for cannot be shown beside the run's own."""
+    create_method(FusionSettings(), against)
+    if against == method:
+        return DataError(f"--against {against}: that is the method of the map", cure="name another one", where=where)
+    if content.readings is None:
+        return DataError(
+            f"--against {against}: the readings of the map are not there", cure="leave the option out", where=where
+        )
+    return DataError(f"--against {against}: it gives no map of these readings", cure="name another one", where=where)
 
 
 def write_report(
@@ -133,12 +155,11 @@ def _source(run: RunFolder) -> ScanLog | None:
     """The log that a fused run was made from, if it is still there and can be read."""
     if not run.configuration.is_file():
         return None
-    source = read_configuration(run.configuration)[0].get("source")
-    path = source.get("log") if isinstance(source, dict) else None
-    if not isinstance(path, str) or not Path(path).exists():
+    source = source_of_table(read_configuration(run.configuration)[0].get("source"))
+    if source is None or not source.log.exists():
         return None
     try:
-        return load_scan(Path(path))
+        return source.load()
     except SurfuseError:
         # The report of the map does not depend on the log, which may have been changed since.
         return None

@@ -34,7 +34,7 @@ def accept(
     distances_m: tuple[float, ...] = (),
     warm_up: Path | None = None,
     plant: str | None = None,
-    seed: int = 1,
+    seed: int | None = None,
     limits: AcceptanceLimits | None = None,
     force: bool = False,
 ) -> Outcome:
@@ -49,11 +49,13 @@ def accept(
         raise UsageError(f"--out '{out.name}'", cure="give a name that ends in .html")
     if log is not None and plant is not None:
         raise UsageError("--plant with --log", cure="faults can be planted in the twin only")
+    if log is not None and seed is not None:
+        raise UsageError("--seed with --log", cure="only the twin has a seed")
     for option, given in (("--distances", distances_m), ("--warm-up", warm_up)):
         if log is None and given:
             raise UsageError(f"{option} without --log", cure="give the log of a facing plate that it belongs to")
     if log is None:
-        trials = twin_trials(planted(spec, plant), seed)
+        trials = twin_trials(planted(spec, plant), 1 if seed is None else seed)
     else:
         trials = log_trials(spec, log, distances_m, warm_up)
     results = judge(spec, trials, wanted)

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from surfuse.commands.judge.truth_files import truth_mesh
 from surfuse.errors import DataError, nearest
 from surfuse.records import Readings, SensorSpec
 from surfuse.rig.simulated.ranger_bench import KnownReadings, known_readings_of
 from surfuse.runs.scan_source import load_scan
 from surfuse.surface.casting import RayCaster
-from surfuse.surface.truth import check_mesh, read_truth_mesh
+from surfuse.surface.truth import check_mesh
 
 
 def readings_in_log(spec: SensorSpec, log: Path, truth: Path) -> KnownReadings:
@@ -25,7 +26,7 @@ def readings_in_log(spec: SensorSpec, log: Path, truth: Path) -> KnownReadings:
     DataError : no readings, no mesh.
     """
     readings = load_scan(log).readings
-    vertices, faces = read_truth_mesh(truth)
+    vertices, faces = truth_mesh(truth)
     check_mesh(vertices, faces, str(truth))
     caster = RayCaster(vertices, faces)
     names = [one.name for one in readings.specs]

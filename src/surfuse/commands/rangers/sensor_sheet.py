@@ -75,7 +75,7 @@ def sensor_sheet(
     numbers: Path | None,
     log: Path | None = None,
     truth: Path | None = None,
-    seed: int = 1,
+    seed: int | None = None,
     force: bool = False,
 ) -> Outcome:
     """Make the sheet; `out` is a page (.html) or a picture (.svg), `numbers` a JSON file.
@@ -88,8 +88,12 @@ def sensor_sheet(
         raise UsageError(f"--out '{out.name}'", cure="give a name that ends in .html or .svg")
     if (log is None) != (truth is None):
         raise UsageError("--log and --truth belong together", cure="give both, or none for the twin")
+    if log is not None and seed is not None:
+        raise UsageError("--seed with --log", cure="only the twin has a seed")
     spec = spec_of(name, table)
-    sheet = twin_sheet(spec, seed) if log is None or truth is None else log_sheet(spec, log, truth)
+    sheet = (
+        twin_sheet(spec, 1 if seed is None else seed) if log is None or truth is None else log_sheet(spec, log, truth)
+    )
     data = {"surfuse": __version__, **asdict(sheet)}
     if out is not None:
         charts = charts_of(sheet)

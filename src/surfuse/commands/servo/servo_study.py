@@ -22,18 +22,33 @@ from surfuse.plan.raster import grip_targets, raster
 from surfuse.plan.reach import reach
 from surfuse.records import FloatArray, Outline
 from surfuse.rig.simulated.assembly import SimulatedClock
-from surfuse.rig.simulated.servo_arm import LAWS, ServoArm, Unknown, build_servo_arm, known_model
+from surfuse.rig.simulated.servo_arm import ServoArm, Unknown, build_servo_arm, known_model
 from surfuse.servo_cards.supervision import Supervision
 from surfuse.settings import Settings
+from surfuse.settings.changes import changed
 
 OLD = "set_points_28ms"
 NEW = "computed_torque"
+LAWS = (OLD, "independent_pid", "gravity_pd", NEW)
 SETTLED_M = 1e-4
 _MARGIN_M = 0.02
 _PLATE_M = 0.2
 _WATCH_S = 4.0
 _STAY_S = 0.05
 CONDITIONS = {"as modelled": Unknown(), "2 kg more, friction 15 % more": Unknown(2.0, 0.15)}
+
+_USED = (
+    "arm.settle_s",
+    "arm.base_height_m",
+    "arm.grip_offset_m",
+    "scene.azimuth_deg",
+    "scene.radius_m",
+    "cell.",
+    "scan.margin_m",
+    "scan.step_m",
+    "scan.standoff_m",
+    "array.side_m",
+)
 
 
 @dataclass(frozen=True)
@@ -89,6 +104,9 @@ def servo_study(settings: Settings, out: Path | None, stops: int, watcher: Watch
     """
     if out is not None and out.exists():
         raise StorageError("the folder exists already", where=str(out), cure="give the name of a new one")
+    for key in changed(settings):
+        if not key.startswith(_USED):
+            watcher.warn(f"{key} has no effect here: the study has its own laws, arm and scene")
     kinematics = _kinematics(settings)
     joints = scan_joints(settings, kinematics)
     if not 3 <= stops <= len(joints):

@@ -1,1 +1,1 @@
-"""Control laws of the joint servo, one file each; `law` says what a law is."""
+"""Control laws; every file is a plug-in."""

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from surfuse.errors import ConfigError
 from surfuse.geometry.compiled import compiled
-from surfuse.motion.control.law import STANDARD_GAINS, Commands, LoopGains, every_tick
-from surfuse.motion.newton_euler import newton_euler
-from surfuse.motion.rigid_body import ArmDynamics
+from surfuse.interfaces import GIVEN_BY_RIG, surrounded
+from surfuse.motion.control_law import INTEGRATED_RAD, STANDARD_GAINS, Commands, LawSurroundings, LoopGains, every_tick
+from surfuse.motion.newton_euler import RigidArm, newton_euler
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray
+
+SUMMARY = "inverse dynamics of the arm, PID of what is left (default)"
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,7 @@ class Parameters:
     gains: LoopGains = STANDARD_GAINS
     friction_share: float = 0.9
     breakaway_rad_s: float = 0.003
+    surroundings: LawSurroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.friction_share <= 1.0:
@@ -40,8 +43,10 @@ class ComputedTorque:
 
     name = "computed_torque"
     period_s = 1e-3
+    settle_rad = INTEGRATED_RAD
 
-    def __init__(self, dynamics: ArmDynamics, parameters: Parameters = Parameters()) -> None:
+    def __init__(self, parameters: Parameters, surroundings: LawSurroundings) -> None:
+        dynamics = surroundings.dynamics
         w = parameters.gains.natural_rad_s
         self._gains = np.array(
             [
@@ -84,7 +89,7 @@ class ComputedTorque:
         computed_torque(*self.memory, wanted_rad, wanted_rad_s, wanted_rad_s2, measured_rad, measured_rad_s, torque_nm)
 
     @property
-    def memory(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+    def memory(self) -> tuple[RigidArm, tuple[FloatArray, ...]]:
         """What `computed_torque` takes first: the arm's model, and the loop with its integrators, which move on."""
         return self._arguments, (
             self._gains,
@@ -97,9 +102,14 @@ class ComputedTorque:
         )
 
 
+def create(parameters: Parameters) -> ComputedTorque:
+    """The law for one arm."""
+    return ComputedTorque(parameters, surrounded(parameters.surroundings, ComputedTorque.name))
+
+
 @compiled
 def computed_torque(
-    model: tuple[FloatArray, ...],
+    model: RigidArm,
     loop: tuple[FloatArray, ...],
     wanted: FloatArray,
     wanted_speed: FloatArray,
@@ -109,10 +119,9 @@ def computed_torque(
     torque: FloatArray,
 ) -> None:
     """Write the joint torques (J,) of one tick."""
-    d, a, alpha, mass, center, inertia, armature, gravity = model
     gains, integral_max, integral, acceleration, viscous, dry, limit = loop
     _reference(gains, integral_max, wanted, wanted_speed, wanted_rate, measured, measured_speed, integral, acceleration)
-    newton_euler(d, a, alpha, mass, center, inertia, armature, gravity, measured, measured_speed, acceleration, torque)
+    newton_euler(model, measured, measured_speed, acceleration, torque)
     _add_friction(gains, viscous, dry, limit, wanted, wanted_speed, measured, torque)
 
 

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from surfuse.geometry.compiled import compiled
-from surfuse.motion.control.law import STANDARD_GAINS, Commands, LoopGains, every_tick
+from surfuse.interfaces import GIVEN_BY_RIG, surrounded
+from surfuse.motion.control_law import STANDARD_GAINS, Commands, LawSurroundings, LoopGains, every_tick
 from surfuse.motion.newton_euler import newton_euler
-from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray
+
+SUMMARY = "PD of every joint and the weight of the arm, without integrators"
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """`gains`: of each joint."""
+
+    gains: LoopGains = STANDARD_GAINS
+    surroundings: LawSurroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
 
 
 class GravityPd:
@@ -21,10 +33,13 @@ class GravityPd:
     name = "gravity_pd"
     period_s = 1e-3
 
-    def __init__(self, dynamics: ArmDynamics, nominal_rad: FloatArray, gains: LoopGains = STANDARD_GAINS) -> None:
-        inertia = np.diag(dynamics.inertia(nominal_rad))
+    def __init__(self, parameters: Parameters, surroundings: LawSurroundings) -> None:
+        gains, dynamics = parameters.gains, surroundings.dynamics
+        inertia = np.diag(dynamics.inertia(surroundings.nominal_rad))
         self._kp = inertia * gains.natural_rad_s**2
         self._kd = inertia * 2.0 * gains.damping * gains.natural_rad_s
+        # Where dry friction holds what the spring of the error pulls; a quarter more for what the model does not know.
+        self.settle_rad = 1.25 * float(np.max(dynamics.coulomb_nm.max(axis=1) / self._kp))
         self._limit_nm = dynamics.torque_max_nm
         self._arguments = dynamics.kernel_arguments()
         self._still = np.zeros(len(dynamics))
@@ -46,7 +61,7 @@ class GravityPd:
         torque_nm: FloatArray,
     ) -> None:
         """See `ControlLaw.torque`."""
-        newton_euler(*self._arguments, measured_rad, self._still, self._still, torque_nm)
+        newton_euler(self._arguments, measured_rad, self._still, self._still, torque_nm)
         _add_pd(
             self._kp,
             self._kd,
@@ -57,6 +72,11 @@ class GravityPd:
             measured_rad_s,
             torque_nm,
         )
+
+
+def create(parameters: Parameters) -> GravityPd:
+    """The law for one arm."""
+    return GravityPd(parameters, surrounded(parameters.surroundings, GravityPd.name))
 
 
 @compiled

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from surfuse.geometry.compiled import compiled
-from surfuse.motion.control.law import STANDARD_GAINS, Commands, LoopGains, every_tick
-from surfuse.motion.rigid_body import ArmDynamics
+from surfuse.interfaces import GIVEN_BY_RIG, surrounded
+from surfuse.motion.control_law import CREEPING_RAD, STANDARD_GAINS, Commands, LawSurroundings, LoopGains, every_tick
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray
+
+SUMMARY = "PID of every joint for itself, gains for one fixed inertia"
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """`gains`: of each joint."""
+
+    gains: LoopGains = STANDARD_GAINS
+    surroundings: LawSurroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
 
 
 class IndependentPid:
@@ -19,9 +31,12 @@ class IndependentPid:
 
     name = "independent_pid"
     period_s = 1e-3
+    # Its integrator creeps against dry friction: this much is left when a stop must begin.
+    settle_rad = CREEPING_RAD
 
-    def __init__(self, dynamics: ArmDynamics, nominal_rad: FloatArray, gains: LoopGains = STANDARD_GAINS) -> None:
-        inertia = np.diag(dynamics.inertia(nominal_rad))
+    def __init__(self, parameters: Parameters, surroundings: LawSurroundings) -> None:
+        gains, dynamics = parameters.gains, surroundings.dynamics
+        inertia = np.diag(dynamics.inertia(surroundings.nominal_rad))
         w = gains.natural_rad_s
         self._kp = inertia * w**2
         self._kd = inertia * 2.0 * gains.damping * w
@@ -62,6 +77,11 @@ class IndependentPid:
             self._integral,
             torque_nm,
         )
+
+
+def create(parameters: Parameters) -> IndependentPid:
+    """The law for one arm."""
+    return IndependentPid(parameters, surrounded(parameters.surroundings, IndependentPid.name))
 
 
 @compiled

@@ -8,17 +8,28 @@ The gains of the real boards are not published: the loops here have the same ban
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from surfuse.geometry.compiled import compiled
-from surfuse.motion.control.law import STANDARD_GAINS, Commands, LoopGains
-from surfuse.motion.rigid_body import ArmDynamics
+from surfuse.interfaces import GIVEN_BY_RIG, surrounded
+from surfuse.motion.control_law import CREEPING_RAD, STANDARD_GAINS, Commands, LawSurroundings, LoopGains
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray
 
 SET_POINT_S = 28e-3
 INTERPOLATED = 32
 INTEGRAL_BAND_RAD = 0.02  # a joint further away is on its way, and its lag must not be integrated
+SUMMARY = "the arm's old controller: a set point every 28 ms, fixed-gain loops"
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """`gains`: of each joint."""
+
+    gains: LoopGains = STANDARD_GAINS
+    surroundings: LawSurroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
 
 
 class SetPoints28ms:
@@ -26,9 +37,12 @@ class SetPoints28ms:
 
     name = "set_points_28ms"
     period_s = SET_POINT_S / INTERPOLATED
+    # Its integrator works near the target only, and creeps: this much is left when a stop must begin.
+    settle_rad = CREEPING_RAD
 
-    def __init__(self, dynamics: ArmDynamics, nominal_rad: FloatArray, gains: LoopGains = STANDARD_GAINS) -> None:
-        inertia = np.diag(dynamics.inertia(nominal_rad))
+    def __init__(self, parameters: Parameters, surroundings: LawSurroundings) -> None:
+        gains, dynamics = parameters.gains, surroundings.dynamics
+        inertia = np.diag(dynamics.inertia(surroundings.nominal_rad))
         w = gains.natural_rad_s
         self._kp = inertia * w**2
         # Friction of the motor damps, too; the boards were adjusted with it.
@@ -73,6 +87,11 @@ class SetPoints28ms:
             self._integral,
             torque_nm,
         )
+
+
+def create(parameters: Parameters) -> SetPoints28ms:
+    """The law for one arm."""
+    return SetPoints28ms(parameters, surrounded(parameters.surroundings, SetPoints28ms.name))
 
 
 @compiled

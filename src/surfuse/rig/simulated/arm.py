@@ -18,7 +18,7 @@ from surfuse.motion.planners import LinePlanner, slowed, through_lines, torque_l
 from surfuse.records import Fixture
 from surfuse.rig.arm_model import ArmModel
 from surfuse.rig.configured_arm import arm_model, clearance_model, puma560_kinematics
-from surfuse.rig.simulated.servo_arm import ServoTwinArm, build_servo_arm, known_model
+from surfuse.rig.simulated.servo_arm import ServoTwinArm, build_servo_arm, control_law, known_model
 from surfuse.rig.simulated.twin_arm import TwinArm
 from surfuse.settings import Settings
 
@@ -81,8 +81,19 @@ def _without_dynamics(
 ) -> simulated.SimulatedArm:
     """An arm that is where it is sent, after the time that a move takes within its limits."""
     own = settings.arm
-    motion = simulated.Parameters(own.settle_s, own.speed_share, model.encoder_rad_per_count, own.tool_speed_max_m_s)
-    return simulated.create(model.kinematics, world, clock, model.limits, model.ready_rad, motion, guard)
+    around = simulated.Surroundings(
+        kinematics=model.kinematics,
+        limits=model.limits,
+        clock=clock,
+        guard=guard,
+        world=world,
+        start_rad=model.ready_rad,
+    )
+    return simulated.create(
+        simulated.Parameters(
+            own.settle_s, own.speed_share, model.encoder_rad_per_count, own.tool_speed_max_m_s, surroundings=around
+        )
+    )
 
 
 def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Clock, guard: MotionGuard) -> ServoTwinArm:
@@ -96,6 +107,8 @@ def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Cloc
         else trapezoidal(slowed(model.limits, own.speed_share))
     )
     rng = np.random.default_rng([settings.seed, _POTENTIOMETERS])
+    own_rad = control_law(own.law, known).settle_rad
+    settle_rad = own_rad if own.settle_deg is None else float(np.radians(own.settle_deg))
     parts = build_servo_arm(
         puma560_kinematics(settings),
         clock,
@@ -103,7 +116,7 @@ def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Cloc
         own.law,
         within_tool_speed(planner, model.kinematics, own.tool_speed_max_m_s),
         start_rad=model.ready_rad,
-        parameters=trident.Parameters(np.radians(own.settle_deg), rest_s=own.settle_s),
+        parameters=trident.Parameters(settle_rad, rest_s=own.settle_s),
         fixture_kg=own.fixture_kg,
         guard=guard,
     )

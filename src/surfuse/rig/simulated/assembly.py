@@ -10,7 +10,7 @@ import numpy as np
 
 from surfuse.cameras import simulated as simulated_camera
 from surfuse.errors import ConfigError
-from surfuse.interfaces import Clock, RangeSensor
+from surfuse.interfaces import Camera, Clock, RangeSensor
 from surfuse.records import Fixture, FloatArray
 from surfuse.rig import sequential_array as sequential
 from surfuse.rig.description import (
@@ -96,10 +96,8 @@ def simulated_rig(settings: Settings) -> Rig:
     return Rig(
         clock=clock,
         arm=arm,
-        camera=simulated_camera.create(world, camera_model(settings), partial(on_shoulder, camera_place), clock),
-        ranger=simulated_sensor.create(
-            shoulder_spec(settings), world, partial(on_shoulder, ranger_place), clock, settings.array.pings
-        ),
+        camera=_camera(settings, world, clock, partial(on_shoulder, camera_place)),
+        ranger=_ranger(settings, world, clock, partial(on_shoulder, ranger_place)),
         array=array,
         ready_rad=mover.model.ready_rad,
         shoulder_from_camera=camera_place,
@@ -113,6 +111,20 @@ def simulated_rig(settings: Settings) -> Rig:
         smooth=SmoothMotion(arm, mover.line_planner),
         surround=mover.guard.surround,
     )
+
+
+def _camera(settings: Settings, world: Twin, clock: Clock, pose: Callable[[], FloatArray]) -> Camera:
+    """The camera on the shoulder."""
+    model = camera_model(settings)
+    around = simulated_camera.Surroundings(model=model, clock=clock, world=world, pose=pose)
+    return simulated_camera.create(simulated_camera.Parameters(surroundings=around))
+
+
+def _ranger(settings: Settings, world: Twin, clock: Clock, pose: Callable[[], FloatArray]) -> RangeSensor:
+    """The ranger on the shoulder."""
+    spec = shoulder_spec(settings)
+    around = simulated_sensor.Surroundings(clock=clock, spec=spec, world=world, pose=pose)
+    return simulated_sensor.create(simulated_sensor.Parameters(settings.array.pings, surroundings=around))
 
 
 def build_world(settings: Settings) -> tuple[Twin, Part]:
@@ -136,7 +148,14 @@ def array_sensors(
         return found
 
     return tuple(
-        simulated_sensor.create(spec, world, partial(placed, index), clock, settings.pings, between_s, rate_hz)
+        simulated_sensor.create(
+            simulated_sensor.Parameters(
+                settings.pings,
+                between_s,
+                rate_hz,
+                simulated_sensor.Surroundings(clock=clock, spec=spec, world=world, pose=partial(placed, index)),
+            )
+        )
         for index, spec in enumerate(fixture.specs)
     )
 

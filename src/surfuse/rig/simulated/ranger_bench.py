@@ -104,7 +104,8 @@ class Bench:
         spots = self._spots.uniform(-_SPOT_M, _SPOT_M, (count if moving else 1, 2))
         places = [_place(axis_m, incidence_rad, y, z) for y, z in spots.tolist()]
         now = [places[0]]
-        sensor = simulated.create(self.spec, self._twin, lambda: now[0], self.clock, pings)
+        around = simulated.Surroundings(clock=self.clock, spec=self.spec, world=self._twin, pose=lambda: now[0])
+        sensor = simulated.create(simulated.Parameters(pings, surroundings=around))
         echoes = []
         for number in range(count):
             now[0] = places[number if moving else 0]

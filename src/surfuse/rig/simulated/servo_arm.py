@@ -8,27 +8,22 @@ from typing import Self
 
 import numpy as np
 
+from surfuse import registry
 from surfuse.arm_models.puma560 import LIMITS, READY_RAD, Puma560
 from surfuse.arm_models.puma560_dynamics import FIXTURE, extra_load, loaded_puma560
 from surfuse.arms import trident
-from surfuse.errors import SurfuseError, UsageError, nearest
+from surfuse.errors import SurfuseError
 from surfuse.interfaces import Clock, Generator, World
-from surfuse.motion.control.computed_torque import ComputedTorque
-from surfuse.motion.control.gravity_pd import GravityPd
-from surfuse.motion.control.independent_pid import IndependentPid
-from surfuse.motion.control.law import ControlLaw
-from surfuse.motion.control.set_points_28ms import SetPoints28ms
+from surfuse.motion.arm_surroundings import Guard
+from surfuse.motion.control_law import ControlLaw, LawSurroundings
 from surfuse.motion.planners import Planner, torque_limited
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray, JointSamples, JointState
-from surfuse.servo_cards.calibration import Calibration
 from surfuse.servo_cards.scales import STANDARD_SCALES
 from surfuse.twin.dynamics.plant import ArmPlant
 from surfuse.twin.servo_card import SimulatedCard
 from surfuse.twin.servo_loop import CompiledTicks
-
-LAWS = ("set_points_28ms", "independent_pid", "gravity_pd", "computed_torque")
 
 
 @dataclass(frozen=True)
@@ -46,16 +41,9 @@ def control_law(name: str, model: ArmDynamics, nominal_rad: FloatArray = READY_R
     ------
     UsageError : no such law.
     """
-    match name:
-        case "set_points_28ms":
-            return SetPoints28ms(model, nominal_rad)
-        case "independent_pid":
-            return IndependentPid(model, nominal_rad)
-        case "gravity_pd":
-            return GravityPd(model, nominal_rad)
-        case "computed_torque":
-            return ComputedTorque(model)
-    raise UsageError(f"unknown control law '{name}'", cure=nearest(name, LAWS))
+    plug_in = registry.load("control_laws", name)
+    law: ControlLaw = plug_in.create(plug_in.Parameters(surroundings=LawSurroundings(model, nominal_rad)))
+    return law
 
 
 def known_model(fixture_kg: float = FIXTURE.mass_kg) -> ArmDynamics:
@@ -135,31 +123,31 @@ def build_servo_arm(
     calibrated_at_start: bool = True,
     fixture_kg: float = FIXTURE.mass_kg,
     compiled_loop: bool = True,
-    guard: trident.Guard | None = None,
+    guard: Guard | None = None,
 ) -> ServoArm:
     """An arm that stands at `start_rad` (6,), brakes on; it calibrates itself when it is opened, if asked to.
 
     `planner` is by default the one that goes to the torque limits. Without `calibrated_at_start` the driver is told
     where the arm stands. `compiled_loop` false runs every tick through the card's registers, to the same numbers.
-    `guard` as in `surfuse.arms.simulated.create`.
+    `guard` checks every move before it.
     """
     model = known_model(fixture_kg)
     chosen = control_law(law, model)
     plant = ArmPlant(true_dynamics(unknown or Unknown(), fixture_kg), start_rad, LIMITS.lower_rad, LIMITS.upper_rad)
     own_time = ArmTime(clock)
     card = SimulatedCard(plant, STANDARD_SCALES, own_time, rng)
-    arm = trident.create(
-        kinematics,
-        card,
-        own_time,
-        LIMITS,
-        chosen,
-        planner or torque_limited(model, LIMITS),
-        Calibration() if calibrated_at_start else start_rad,
-        parameters or trident.Parameters(),
-        guard,
+    around = trident.Surroundings(
+        kinematics=kinematics,
+        limits=LIMITS,
+        clock=own_time,
+        guard=guard,
+        bus=card,
+        law=chosen,
+        planner=planner or torque_limited(model, LIMITS),
+        standing_rad=None if calibrated_at_start else start_rad,
         loop=CompiledTicks(card, plant) if compiled_loop else None,
     )
+    arm = trident.create(replace(parameters or trident.Parameters(chosen.settle_rad), surroundings=around))
     return ServoArm(arm, plant, card, chosen, own_time)
 
 

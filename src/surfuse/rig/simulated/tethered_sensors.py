@@ -60,8 +60,11 @@ class TetheredSensors:
         self._fixture = Fixture(self._fixture.grip_from_sensor, specs)
         self._world.set_kit(spec.name, kit)
         rate_hz = kit.sample_rate_hz
+        around = simulated.Surroundings(
+            clock=self.clock, spec=spec, world=self._world, pose=partial(self._placed, number)
+        )
         self._fired[number] = simulated.create(
-            spec, self._world, partial(self._placed, number), self.clock, told.pings, sample_rate_hz=rate_hz
+            simulated.Parameters(told.pings, sample_rate_hz=rate_hz, surroundings=around)
         )
         self._together = SimultaneousArray(
             self._fixture, self._world, self._grip, self.clock, told.pings, sample_rate_hz=rate_hz

@@ -8,9 +8,11 @@ distance d, facing the beam, adds the energy 1 / (2 d)^2.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from surfuse.geometry.compiled import compiled
+from surfuse.geometry.compiled import compiled, inlined
 from surfuse.records import FloatArray, IntArray
 
 # Half-width of the mirror lobe in units of the first Fresnel zone: matches knife-edge diffraction at one zone radius.
@@ -22,17 +24,91 @@ _INAUDIBLE = 1e-6
 _SKEW = 0.03
 
 
+class Aim(NamedTuple):
+    """Where a beam starts and how it is turned: `mouth` (3,), `rotation` (3, 3) world from sensor, both world frame."""
+
+    mouth: FloatArray
+    rotation: FloatArray
+
+
+class Rays(NamedTuple):
+    """Rays of one ping (N, 3), unit, and what they hit (N,): triangle (-1: none), distance, cosine of incidence."""
+
+    ray: FloatArray
+    hit: IntArray
+    distance: FloatArray
+    cosine: FloatArray
+
+
+class Bundle(NamedTuple):
+    """How the beam is sampled (see `Beam`): weight and energy gain of each ray (N,), the table `two_way`, the rim."""
+
+    weight: FloatArray
+    gain: FloatArray
+    two_way: FloatArray
+    nearest: IntArray
+    edge_sine: float
+
+
+class Triangles(NamedTuple):
+    """The scene: planes of the triangles (T, 3), (T,), their material and body (T,), poses of the speckle (B, 3, 4)."""
+
+    normal: FloatArray
+    offset: FloatArray
+    material: IntArray
+    body: IntArray
+    grid_from_world: FloatArray
+
+
+class Sound(NamedTuple):
+    """What materials (M,) and air do to sound, and which of all rough surfaces of that kind this one is."""
+
+    mirror_of: FloatArray
+    roughness_of: FloatArray
+    diffuse_of: FloatArray
+    wave_number: float
+    absorption: float
+    cell_m: float
+    seed: int
+
+
+class Bins(NamedTuple):
+    """Arrivals over the distance (B,): energies, complex amplitudes, and the used span of bins (2,)."""
+
+    mirror: FloatArray
+    real: FloatArray
+    imag: FloatArray
+    extent: IntArray
+    bin_m: float
+
+
+class Edges(NamedTuple):
+    """Points on sharp edges: position, tangent (K, 3), normals of both faces (K, 2, 3), length of edge each (K,).
+
+    `strength` is Keller's coefficient, see `BundleParameters.edge_strength`.
+    """
+
+    position: FloatArray
+    tangent: FloatArray
+    faces: FloatArray
+    length: FloatArray
+    strength: float
+
+
+class Room(NamedTuple):
+    """Room for the rays of one ping: float32 start and direction for Embree, direction, edge point of each edge ray."""
+
+    start: FloatArray
+    ray: FloatArray
+    ray32: FloatArray
+    chosen: IntArray
+
+
 @compiled
-def aim(
-    rotation: FloatArray,
-    directions: FloatArray,
-    mouth: FloatArray,
-    origin: FloatArray,
-    start: FloatArray,
-    ray: FloatArray,
-    ray32: FloatArray,
-) -> None:
-    """Turn the bundle (N, 3) into the world: float64 `ray`, float32 `ray32` and `start` for Embree."""
+def turn_bundle(aim: Aim, directions: FloatArray, origin: FloatArray, room: Room) -> None:
+    """Turn the bundle (N, 3) into the world; `origin` (3,) is where Embree counts from."""
+    rotation, mouth = aim.rotation, aim.mouth
+    start, ray, ray32 = room.start, room.ray, room.ray32
     for j in range(len(directions)):
         for a in range(3):
             value = (
@@ -47,24 +123,15 @@ def aim(
 
 @compiled
 def aim_at_edges(
-    position: FloatArray,
-    axis: FloatArray,
-    mouth: FloatArray,
-    origin: FloatArray,
-    edge_sine: float,
-    farthest_m: float,
-    first: int,
-    start: FloatArray,
-    ray: FloatArray,
-    ray32: FloatArray,
-    chosen: IntArray,
+    position: FloatArray, aim: Aim, origin: FloatArray, edge_sine: float, farthest_m: float, first: int, room: Room
 ) -> int:
     """Append a ray to each edge point inside the beam's rim; returns how many rays there are then."""
-    count = first
+    mouth, rotation, count = aim.mouth, aim.rotation, first
+    start, ray, ray32, chosen = room.start, room.ray, room.ray32, room.chosen
     edge_cosine = np.sqrt(1.0 - edge_sine * edge_sine)
     for k in range(len(position)):
         x, y, z = position[k, 0] - mouth[0], position[k, 1] - mouth[1], position[k, 2] - mouth[2]
-        ahead = x * axis[0] + y * axis[1] + z * axis[2]
+        ahead = x * rotation[0, 2] + y * rotation[1, 2] + z * rotation[2, 2]
         if ahead <= 0.0 or ahead > farthest_m:
             continue
         distance = np.sqrt(x * x + y * y + z * z)
@@ -117,16 +184,9 @@ def hash_phase(i: int, j: int, k: int, body: int, seed: int) -> float:
 
 
 @compiled
-def distances(
-    mouth: FloatArray,
-    ray: FloatArray,
-    hit: IntArray,
-    normal: FloatArray,
-    offset: FloatArray,
-    distance: FloatArray,
-    cosine: FloatArray,
-) -> None:
+def distances(mouth: FloatArray, rays: Rays, normal: FloatArray, offset: FloatArray) -> None:
     """Distance (N,) and cosine of incidence (N,) of every hit from the plane of its triangle; inf and 0 for none."""
+    ray, hit, distance, cosine = rays.ray, rays.hit, rays.distance, rays.cosine
     for j in range(len(hit)):
         t = hit[j]
         distance[j] = np.inf
@@ -141,11 +201,10 @@ def distances(
         cosine[j] = abs(slope)
 
 
-@compiled
+@inlined
 def bend_at_foot(
-    j: int, mouth: FloatArray, rotation: FloatArray, ray: FloatArray, hit: IntArray, distance: FloatArray,
-    height: float, normal: FloatArray, offset: FloatArray, nearest: IntArray, edge_sine: float, foot: FloatArray,
-) -> float:  # fmt: skip
+    j: int, height: float, rotation: FloatArray, rays: Rays, normal: FloatArray, bundle: Bundle, foot: FloatArray
+) -> float:
     """Where the mirror point of ray j's surface lies: 0 at the foot of its perpendicular, 1 at the ray's own hit.
 
     A plane's mirror point is the foot; a ball's lies at the share d / (d + radius) of the way back to the ray; beyond
@@ -153,6 +212,8 @@ def bend_at_foot(
     ray next to the foot is so far behind the tangent plane as its curvature says. `foot` (3,) receives the direction
     of the foot, world frame.
     """
+    ray, hit, distance = rays.ray, rays.hit, rays.distance
+    nearest, edge_sine = bundle.nearest, bundle.edge_sine
     t = hit[j]
     sign = -1.0 if normal[t, 0] * ray[j, 0] + normal[t, 1] * ray[j, 1] + normal[t, 2] * ray[j, 2] < 0.0 else 1.0
     for a in range(3):
@@ -175,122 +236,124 @@ def bend_at_foot(
 
 
 @compiled
-def add_surfaces(
-    mouth: FloatArray,
-    rotation: FloatArray,
-    ray: FloatArray,
-    hit: IntArray,
-    distance: FloatArray,
-    cosine: FloatArray,
-    weight: FloatArray,
-    gain: FloatArray,
-    two_way: FloatArray,
-    nearest: IntArray,
-    edge_sine: float,
-    normal: FloatArray,
-    offset: FloatArray,
-    material: IntArray,
-    body: IntArray,
-    grid_from_world: FloatArray,
-    mirror_of: FloatArray,
-    roughness_of: FloatArray,
-    diffuse_of: FloatArray,
-    wave_number: float,
-    absorption: float,
-    cell_m: float,
-    seed: int,
-    bin_m: float,
-    mirror: FloatArray,
-    real: FloatArray,
-    imag: FloatArray,
-    extent: IntArray,
+def add_echoes(
+    aim: Aim,
+    rays: Rays,
+    chosen: IntArray,
+    edges: Edges,
+    bundle: Bundle,
+    triangles: Triangles,
+    sound: Sound,
+    bins: Bins,
 ) -> None:
-    """Mirror-like and diffuse echoes of the bundle's rays (N, of which `weight` has the length).
-
-    Mirror: the lobe exp(-tan(i)^2 / s^2) / (4 pi s^2 cos(i)^5) makes a facing plate return 1 / (2 d)^2 and a sphere
-    of radius rho the share (rho / (d + rho))^2 of it. Distance and directivity are those of the mirror point
-    (`bend_at_foot`): the image source of a plane, the edge where the surface ends.
-    Diffuse: Lambert's law, one random phase per surface cell.
-    """
-    wavelength = 2.0 * np.pi / wave_number
-    foot = np.zeros(3)
-    place = np.zeros(3)
-    for j in range(len(weight)):
-        t = hit[j]
-        r = distance[j]
-        if t < 0 or not np.isfinite(r) or r < 1e-3:
-            continue
-        c = cosine[j]
-        m = material[t]
-        height = r * c
-        s2 = LOBE * LOBE * wavelength / (2.0 * height)
-        q2 = (1.0 - c * c) / (c * c)
-        if q2 < 25.0 * s2:
-            share = bend_at_foot(
-                j, mouth, rotation, ray, hit, distance, height, normal, offset, nearest, edge_sine, foot
-            )
-            ahead, size2 = 0.0, 0.0
-            for a in range(3):
-                direction = foot[a] + share * (ray[j, a] - foot[a])
-                ahead += direction * rotation[a, 2]
-                size2 += direction * direction
-            sine = np.sqrt(max(0.0, 1.0 - ahead * ahead / size2)) if ahead > 0.0 else 1.0
-            reach = height + share * (r - height)
-            energy = mirror_of[m] * np.exp(-roughness_of[m] * c * c - q2 / s2 - 4.0 * absorption * reach)
-            energy *= weight[j] * beam_energy(sine, two_way) / (4.0 * np.pi * s2 * c**5 * r * r)
-            deposit(reach, energy, bin_m, mirror, extent)
-        if diffuse_of[m] * gain[j] > _INAUDIBLE:
-            density = diffuse_of[m] / np.pi * c * gain[j] / (r * r)
-            cell_sr = cell_m * cell_m * c / (r * r)
-            amplitude = weight[j] * np.sqrt(density / (cell_sr + weight[j])) * np.exp(-2.0 * absorption * r)
-            far2 = 0.0
-            g = grid_from_world[body[t]]
-            for a in range(3):
-                from_mouth = g[a, 0] * mouth[0] + g[a, 1] * mouth[1] + g[a, 2] * mouth[2] + g[a, 3]
-                step = g[a, 0] * ray[j, 0] + g[a, 1] * ray[j, 1] + g[a, 2] * ray[j, 2]
-                place[a] = np.floor((from_mouth + r * step) / cell_m)
-                far2 += ((place[a] + 0.5) * cell_m - from_mouth) ** 2
-            phase = hash_phase(int(place[0]), int(place[1]), int(place[2]), body[t], seed)
-            phase += 2.0 * wave_number * np.sqrt(far2)
-            deposit(r, amplitude * np.cos(phase), bin_m, real, extent)
-            deposit(r, amplitude * np.sin(phase), bin_m, imag, extent)
+    """All that comes back directly, in one call: handing over the arguments takes as long as some of the work."""
+    distances(aim.mouth, rays, triangles.normal, triangles.offset)
+    add_mirrors(aim, rays, bundle, triangles, sound, bins)
+    add_diffuse(aim.mouth, rays, bundle, triangles, sound, bins)
+    add_edges(chosen, edges, aim, rays, bundle, sound, bins)
 
 
 @compiled
-def add_edges(
-    first: int, count: int, chosen: IntArray, position: FloatArray, tangent: FloatArray, faces: FloatArray,
-    length: FloatArray, mouth: FloatArray, axis: FloatArray, ray: FloatArray, distance: FloatArray,
-    two_way: FloatArray, strength: float, wave_number: float, absorption: float, bin_m: float, mirror: FloatArray,
-    extent: IntArray,
-) -> None:  # fmt: skip
-    """Diffraction at visible edge points (Keller): a straight edge across the beam returns c^2 / (2 k d^3).
+def add_mirrors(aim: Aim, rays: Rays, bundle: Bundle, triangles: Triangles, sound: Sound, bins: Bins) -> None:
+    """Mirror-like echoes of the bundle's rays.
 
-    c grows as 1 / sin(angle from a face's normal) towards the mirror direction, where the Fresnel lobe bounds it.
+    The lobe exp(-tan(i)^2 / s^2) / (4 pi s^2 cos(i)^5) makes a facing plate return 1 / (2 d)^2 and a sphere of radius
+    rho the share (rho / (d + rho))^2 of it. Distance and directivity are those of the mirror point (`bend_at_foot`):
+    the image source of a plane, the edge where the surface ends.
+    """
+    ray, hit, distance, cosine = rays.ray, rays.hit, rays.distance, rays.cosine
+    rotation, weight, two_way, mirror, extent = aim.rotation, bundle.weight, bundle.two_way, bins.mirror, bins.extent
+    material, mirror_of, roughness_of = triangles.material, sound.mirror_of, sound.roughness_of
+    wavelength, absorption, bin_m = 2.0 * np.pi / sound.wave_number, sound.absorption, bins.bin_m
+    foot = np.zeros(3)
+    for j in range(len(weight)):
+        r, c = distance[j], cosine[j]
+        if hit[j] < 0 or not np.isfinite(r) or r < 1e-3:
+            continue
+        m = material[hit[j]]
+        height = r * c
+        s2 = LOBE * LOBE * wavelength / (2.0 * height)
+        q2 = (1.0 - c * c) / (c * c)
+        if q2 >= 25.0 * s2:
+            continue
+        share = bend_at_foot(j, height, rotation, rays, triangles.normal, bundle, foot)
+        ahead, size2 = 0.0, 0.0
+        for a in range(3):
+            direction = foot[a] + share * (ray[j, a] - foot[a])
+            ahead += direction * rotation[a, 2]
+            size2 += direction * direction
+        sine = np.sqrt(max(0.0, 1.0 - ahead * ahead / size2)) if ahead > 0.0 else 1.0
+        reach = height + share * (r - height)
+        energy = mirror_of[m] * np.exp(-roughness_of[m] * c * c - q2 / s2 - 4.0 * absorption * reach)
+        energy *= weight[j] * beam_energy(sine, two_way) / (4.0 * np.pi * s2 * c**5 * r * r)
+        deposit(reach, energy, bin_m, mirror, extent)
+
+
+@compiled
+def add_diffuse(mouth: FloatArray, rays: Rays, bundle: Bundle, triangles: Triangles, sound: Sound, bins: Bins) -> None:
+    """Diffuse echoes of the bundle's rays: Lambert's law, one random phase per surface cell."""
+    ray, hit, distance, cosine = rays.ray, rays.hit, rays.distance, rays.cosine
+    weight, gain, grid, body_of = bundle.weight, bundle.gain, triangles.grid_from_world, triangles.body
+    material, diffuse_of, cell_m = triangles.material, sound.diffuse_of, sound.cell_m
+    real, imag, extent, bin_m = bins.real, bins.imag, bins.extent, bins.bin_m
+    place = np.zeros(3)
+    for j in range(len(weight)):
+        t, r, c = hit[j], distance[j], cosine[j]
+        if t < 0 or not np.isfinite(r) or r < 1e-3:
+            continue
+        share = diffuse_of[material[t]]
+        if share * gain[j] <= _INAUDIBLE:
+            continue
+        density = share / np.pi * c * gain[j] / (r * r)
+        cell_sr = cell_m * cell_m * c / (r * r)
+        amplitude = weight[j] * np.sqrt(density / (cell_sr + weight[j])) * np.exp(-2.0 * sound.absorption * r)
+        far2, body = 0.0, body_of[t]
+        for a in range(3):
+            from_mouth = grid[body, a, 0] * mouth[0] + grid[body, a, 1] * mouth[1] + grid[body, a, 2] * mouth[2]
+            from_mouth += grid[body, a, 3]
+            step = grid[body, a, 0] * ray[j, 0] + grid[body, a, 1] * ray[j, 1] + grid[body, a, 2] * ray[j, 2]
+            place[a] = np.floor((from_mouth + r * step) / cell_m)
+            far2 += ((place[a] + 0.5) * cell_m - from_mouth) ** 2
+        phase = hash_phase(int(place[0]), int(place[1]), int(place[2]), body, sound.seed)
+        phase += 2.0 * sound.wave_number * np.sqrt(far2)
+        deposit(r, amplitude * np.cos(phase), bin_m, real, extent)
+        deposit(r, amplitude * np.sin(phase), bin_m, imag, extent)
+
+
+@compiled
+def add_edges(chosen: IntArray, edges: Edges, aim: Aim, rays: Rays, bundle: Bundle, sound: Sound, bins: Bins) -> None:
+    """Diffraction at visible edge points (Keller), whose rays follow those of the bundle.
+
+    A straight edge across the beam returns c^2 / (2 k d^3). c grows as 1 / sin(angle from a face's normal) towards the
+    mirror direction, where the Fresnel lobe bounds it.
     Along the edge the energy keeps to the Fresnel lobe around its normal plane, but for a small share from corners
     and the edge's own roughness.
     """
+    wave_number, absorption = sound.wave_number, sound.absorption
     wavelength = 2.0 * np.pi / wave_number
-    for j in range(first, count):
+    position, tangent, faces, ray = edges.position, edges.tangent, edges.faces, rays.ray
+    mouth, first = aim.mouth, len(bundle.weight)
+    for j in range(first, len(rays.hit)):
         k = chosen[j - first]
         r = 0.0
         for a in range(3):
             r += (position[k, a] - mouth[a]) ** 2
         r = np.sqrt(r)
-        if distance[j] < r - 1e-3:
+        if rays.distance[j] < r - 1e-3:
             continue
         s = LOBE * np.sqrt(wavelength / (2.0 * r))
         skew, cosine = 0.0, 0.0
         for a in range(3):
             skew += tangent[k, a] * ray[j, a]
-            cosine += axis[a] * ray[j, a]
+            cosine += aim.rotation[a, 2] * ray[j, a]
         across2 = max(1e-9, 1.0 - skew * skew)
         strength2 = 1.0
         for f in range(2):
             slope = faces[k, f, 0] * ray[j, 0] + faces[k, f, 1] * ray[j, 1] + faces[k, f, 2] * ray[j, 2]
             strength2 += 0.5 / (max(0.0, 1.0 - slope * slope / across2) + s * s)
-        strength2 *= strength * strength
+        strength2 *= edges.strength * edges.strength
         lobe = (1.0 - _SKEW) * np.exp(-((skew / s) ** 2)) + _SKEW
-        energy = strength2 / wave_number / (2.0 * np.sqrt(np.pi) * s * r**4) * length[k] * lobe
+        energy = strength2 / wave_number / (2.0 * np.sqrt(np.pi) * s * r**4) * edges.length[k] * lobe
         sine = np.sqrt(max(0.0, 1.0 - cosine * cosine))
-        energy *= beam_energy(sine, two_way) * np.exp(-4.0 * absorption * r)
-        deposit(r, energy, bin_m, mirror, extent)
+        energy *= beam_energy(sine, bundle.two_way) * np.exp(-4.0 * absorption * r)
+        deposit(r, energy, bins.bin_m, bins.mirror, bins.extent)

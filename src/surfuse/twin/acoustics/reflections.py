@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from surfuse.geometry.compiled import compiled
+from surfuse.geometry.compiled import compiled, inlined
 from surfuse.records import FloatArray, IntArray
-from surfuse.twin.acoustics.arrivals import beam_energy, deposit
+from surfuse.twin.acoustics.arrivals import Aim, Bins, Bundle, Rays, Sound, Triangles, beam_energy, deposit
 
 # Half-width of the lobe around the sensor in units of the first Fresnel zone; narrower than that of direct echoes,
 # because the directivity is taken at the ray.
@@ -17,113 +19,112 @@ _BOUNCE_COSINE = 0.966
 _BOUNCE_GAIN = 1e-4
 
 
+class Onward(NamedTuple):
+    """Room for reflected rays: float32 start and direction for Embree, direction, the ray that each comes from."""
+
+    start: FloatArray
+    ray: FloatArray
+    ray32: FloatArray
+    parent: IntArray
+
+
 @compiled
 def reflect(
     mouth: FloatArray,
     origin: FloatArray,
-    ray: FloatArray,
-    hit: IntArray,
-    distance: FloatArray,
-    cosine: FloatArray,
-    gain: FloatArray,
-    normal: FloatArray,
-    material: IntArray,
-    mirror_of: FloatArray,
-    roughness_of: FloatArray,
-    rays: int,
-    start: FloatArray,
-    onward: FloatArray,
-    onward32: FloatArray,
-    parent: IntArray,
+    rays: Rays,
+    bundle: Bundle,
+    triangles: Triangles,
+    sound: Sound,
+    onward: Onward,
 ) -> int:
     """Rays that go on after a mirror-like reflection and might come back over a second surface; returns their number.
 
     Rays nearly along the normal return to the sensor itself and are left out, as are those outside the main beam.
     """
+    ray, hit, distance, cosine = rays.ray, rays.hit, rays.distance, rays.cosine
+    normal, start = triangles.normal, onward.start
     count = 0
-    for j in range(rays):
+    for j in range(len(bundle.gain)):
         t = hit[j]
-        if t < 0 or cosine[j] <= 0.0 or cosine[j] > _BOUNCE_COSINE or gain[j] < _BOUNCE_GAIN:
+        if t < 0 or cosine[j] <= 0.0 or cosine[j] > _BOUNCE_COSINE or bundle.gain[j] < _BOUNCE_GAIN:
             continue
-        if mirror_of[material[t]] * np.exp(-roughness_of[material[t]] * cosine[j] ** 2) < 0.01:
+        material = triangles.material[t]
+        if sound.mirror_of[material] * np.exp(-sound.roughness_of[material] * cosine[j] ** 2) < 0.01:
             continue
         slope = normal[t, 0] * ray[j, 0] + normal[t, 1] * ray[j, 1] + normal[t, 2] * ray[j, 2]
         for a in range(3):
-            onward[count, a] = ray[j, a] - 2.0 * slope * normal[t, a]
-            onward32[count, a] = onward[count, a]
+            onward.ray[count, a] = ray[j, a] - 2.0 * slope * normal[t, a]
+            onward.ray32[count, a] = onward.ray[count, a]
             # A hair off the surface, so that the ray does not meet the triangle that it leaves.
-            start[count, a] = mouth[a] + distance[j] * ray[j, a] + 1e-5 * onward[count, a] - origin[a]
-        parent[count] = j
+            start[count, a] = mouth[a] + distance[j] * ray[j, a] + 1e-5 * onward.ray[count, a] - origin[a]
+        onward.parent[count] = j
         count += 1
     return count
 
 
 @compiled
 def add_second_bounce(
-    count: int,
-    mouth: FloatArray,
-    axis: FloatArray,
-    ray: FloatArray,
-    hit: IntArray,
-    distance: FloatArray,
-    cosine: FloatArray,
-    weight: FloatArray,
-    gain: FloatArray,
-    onward: FloatArray,
-    hit2: IntArray,
-    parent: IntArray,
-    normal: FloatArray,
-    offset: FloatArray,
-    material: IntArray,
-    mirror_of: FloatArray,
-    roughness_of: FloatArray,
-    two_way: FloatArray,
-    wave_number: float,
-    absorption: float,
-    bin_m: float,
-    mirror: FloatArray,
-    extent: IntArray,
+    aim: Aim, rays: Rays, onward: Onward, hit2: IntArray, bundle: Bundle, triangles: Triangles, sound: Sound, bins: Bins
 ) -> None:
     """Echoes over two mirror-like surfaces: each ray brings its energy to where it passes the sensor.
 
-    A path of length P with image sources returns 1 / P^2; a ray that passes the sensor at distance h counts with the
-    lobe exp(-(h / b)^2) / (pi b^2), b of the size of the Fresnel zone.
+    `hit2` (K,) are the triangles that the first K reflected rays hit. A path of length P with image sources returns
+    1 / P^2; a ray that passes the sensor at distance h counts with the lobe exp(-(h / b)^2) / (pi b^2), b of the size
+    of the Fresnel zone.
     """
-    wavelength = 2.0 * np.pi / wave_number
-    second = np.zeros(3)
+    wavelength = 2.0 * np.pi / sound.wave_number
     back = np.zeros(3)
-    for i in range(count):
-        u = hit2[i]
+    for i in range(len(hit2)):
+        u, j = hit2[i], onward.parent[i]
         if u < 0:
             continue
-        j = parent[i]
-        t = hit[j]
-        along = normal[u, 0] * onward[i, 0] + normal[u, 1] * onward[i, 1] + normal[u, 2] * onward[i, 2]
-        if abs(along) < _GRAZING:
-            continue
-        height = offset[u]
-        for a in range(3):
-            height -= normal[u, a] * (mouth[a] + distance[j] * ray[j, a])
-        middle = height / along
-        ahead, far2 = 0.0, 0.0
-        for a in range(3):
-            second[a] = mouth[a] + distance[j] * ray[j, a] + middle * onward[i, a]
-            back[a] = onward[i, a] - 2.0 * along * normal[u, a]
-            ahead += (mouth[a] - second[a]) * back[a]
-            far2 += (mouth[a] - second[a]) ** 2
-        if ahead <= 0.0:
-            continue
-        # The mean of the ray's length to its nearest approach and of that to the sensor is exact to second order.
-        path = distance[j] + middle + 0.5 * (ahead + np.sqrt(far2))
+        path, miss2, along = _way_back(i, u, j, aim.mouth, rays, onward, triangles, back)
         b2 = PATH_LOBE * PATH_LOBE * wavelength * path
-        miss2 = max(0.0, far2 - ahead * ahead)
-        if miss2 > 20.0 * b2:
+        if path < 0.0 or miss2 > 20.0 * b2:
             continue
-        facing = -(back[0] * axis[0] + back[1] * axis[1] + back[2] * axis[2])
+        facing = -(back[0] * aim.rotation[0, 2] + back[1] * aim.rotation[1, 2] + back[2] * aim.rotation[2, 2])
         if facing <= 0.0:
             continue
-        energy = weight[j] * np.exp(-miss2 / b2) / (np.pi * b2) * np.exp(-2.0 * absorption * path)
-        energy *= np.sqrt(gain[j] * beam_energy(np.sqrt(max(0.0, 1.0 - facing * facing)), two_way))
-        energy *= mirror_of[material[t]] * np.exp(-roughness_of[material[t]] * cosine[j] ** 2)
-        energy *= mirror_of[material[u]] * np.exp(-roughness_of[material[u]] * along * along)
-        deposit(0.5 * path, energy, bin_m, mirror, extent)
+        energy = bundle.weight[j] * np.exp(-miss2 / b2) / (np.pi * b2) * np.exp(-2.0 * sound.absorption * path)
+        sine = np.sqrt(max(0.0, 1.0 - facing * facing))
+        energy *= np.sqrt(bundle.gain[j] * beam_energy(sine, bundle.two_way))
+        first, second = triangles.material[rays.hit[j]], triangles.material[u]
+        energy *= sound.mirror_of[first] * np.exp(-sound.roughness_of[first] * rays.cosine[j] ** 2)
+        energy *= sound.mirror_of[second] * np.exp(-sound.roughness_of[second] * along * along)
+        deposit(0.5 * path, energy, bins.bin_m, bins.mirror, bins.extent)
+
+
+@inlined
+def _way_back(
+    i: int,
+    u: int,
+    j: int,
+    mouth: FloatArray,
+    rays: Rays,
+    onward: Onward,
+    triangles: Triangles,
+    back: FloatArray,
+) -> tuple[float, float, float]:
+    """Length of a path over two surfaces (-1: it does not come back), squared miss, cosine at the second surface.
+
+    `back` (3,) receives the direction in which it passes the sensor.
+    """
+    ray, distance, normal = rays.ray, rays.distance[j], triangles.normal
+    along = normal[u, 0] * onward.ray[i, 0] + normal[u, 1] * onward.ray[i, 1] + normal[u, 2] * onward.ray[i, 2]
+    if abs(along) < _GRAZING:
+        return -1.0, 0.0, along
+    height = triangles.offset[u]
+    for a in range(3):
+        height -= normal[u, a] * (mouth[a] + distance * ray[j, a])
+    middle = height / along
+    ahead, far2 = 0.0, 0.0
+    for a in range(3):
+        second = mouth[a] + distance * ray[j, a] + middle * onward.ray[i, a]
+        back[a] = onward.ray[i, a] - 2.0 * along * normal[u, a]
+        ahead += (mouth[a] - second) * back[a]
+        far2 += (mouth[a] - second) ** 2
+    if ahead <= 0.0:
+        return -1.0, 0.0, along
+    # The mean of the ray's length to its nearest approach and of that to the sensor is exact to second order.
+    return distance + middle + 0.5 * (ahead + np.sqrt(far2)), max(0.0, far2 - ahead * ahead), along

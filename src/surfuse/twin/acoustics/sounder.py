@@ -11,8 +11,9 @@ from surfuse.physics.air import speed_of_sound
 from surfuse.records import FloatArray, IntArray
 from surfuse.twin.acoustics import arrivals, reflections
 from surfuse.twin.acoustics.air import AirParameters, absorption
+from surfuse.twin.acoustics.arrivals import Aim, Bins, Bundle, Edges, Rays, Room, Sound, Triangles
 from surfuse.twin.acoustics.beam import BundleParameters, sample_beam
-from surfuse.twin.acoustics.detection import burst_envelope, detect
+from surfuse.twin.acoustics.detection import Detector, Received, burst_envelope, detect
 from surfuse.twin.acoustics.edges import NO_EDGES, EdgePoints, sharp_edges
 from surfuse.twin.acoustics.kit import TUBE, KitParameters, TransducerParameters
 from surfuse.twin.acoustics.noise import AcousticNoise
@@ -91,10 +92,19 @@ class Sounder:
             self.beam.two_way,
         )
         self.edges = _audible(sharp_edges(scene, self.bundle.edge_spacing_m), self.bundle.edge_strength)
-        self._grid_from_world = _speckle_grid(scene)
-        self._mirror = table_of("reflectivity", surfaces)
-        self._roughness = (2.0 * self.wave_number * table_of("roughness_m", surfaces)) ** 2
-        self._diffuse = table_of("diffuse", surfaces)
+        self._sound = Sound(
+            mirror_of=table_of("reflectivity", surfaces),
+            roughness_of=(2.0 * self.wave_number * table_of("roughness_m", surfaces)) ** 2,
+            diffuse_of=table_of("diffuse", surfaces),
+            wave_number=self.wave_number,
+            absorption=self.absorption,
+            cell_m=self.bundle.speckle_cell_m,
+            seed=seed,
+        )
+        beam, edges = self.beam, self.edges
+        self._bundle = Bundle(beam.weight_sr, self._gain, beam.two_way, beam.nearest, beam.edge_sine)
+        self._triangles = Triangles(scene.normal, scene.offset_m, scene.material, scene.body, _speckle_grid(scene))
+        self._edges = Edges(edges.position_m, edges.tangent, edges.faces, edges.length_m, self.bundle.edge_strength)
         self._shape, self._level, self._ringing, self._opens = self._timing(self.speed_m_s)
         self._shape2 = self._shape**2
         self._work = _workspace(len(self.beam.directions), len(self._level))
@@ -159,30 +169,19 @@ class Sounder:
             bins[low : high + 1] = 0.0
         work.extent[:] = (len(work.mirror), -1)
         rotation = np.ascontiguousarray(world_from_sensor[:3, :3])
-        axis = np.ascontiguousarray(rotation[:, 2])
-        mouth = world_from_sensor[:3, 3] + self.transducer.tube_length_m * axis
-        rays = len(beam.directions)
-        arrivals.aim(rotation, beam.directions, mouth, scene.origin_m, work.start, work.ray, work.ray32)
+        aim = Aim(world_from_sensor[:3, 3] + self.transducer.tube_length_m * rotation[:, 2], rotation)
+        room = Room(work.start, work.ray, work.ray32, work.chosen)
+        arrivals.turn_bundle(aim, beam.directions, scene.origin_m, room)
         count = arrivals.aim_at_edges(
-            self.edges.position_m, axis, mouth, scene.origin_m, beam.edge_sine, len(work.mirror) * BIN_M, rays,
-            work.start, work.ray, work.ray32, work.chosen,
-        )  # fmt: skip
+            self.edges.position_m, aim, scene.origin_m, beam.edge_sine, self.bins * BIN_M, len(beam.directions), room
+        )
         hit = scene.first_triangle(work.start[:count], work.ray32[:count])
-        arrivals.distances(mouth, work.ray, hit, scene.normal, scene.offset_m, work.distance, work.cosine)
-        arrivals.add_surfaces(
-            mouth, rotation, work.ray, hit, work.distance, work.cosine, beam.weight_sr, self._gain, beam.two_way,
-            beam.nearest, beam.edge_sine, scene.normal, scene.offset_m, scene.material, scene.body,
-            self._grid_from_world, self._mirror, self._roughness, self._diffuse, self.wave_number, self.absorption,
-            self.bundle.speckle_cell_m, self.seed, BIN_M, work.mirror, work.real, work.imag, work.extent,
-        )  # fmt: skip
-        edges = self.edges
-        arrivals.add_edges(
-            rays, count, work.chosen, edges.position_m, edges.tangent, edges.faces, edges.length_m, mouth, axis,
-            work.ray, work.distance, beam.two_way, self.bundle.edge_strength, self.wave_number, self.absorption,
-            BIN_M, work.mirror, work.extent,
-        )  # fmt: skip
+        rays = Rays(work.ray, hit, work.distance, work.cosine)
+        heard = Bins(work.mirror, work.real, work.imag, work.extent, BIN_M)
+        sound = self._sound._replace(seed=self.seed)
+        arrivals.add_echoes(aim, rays, work.chosen, self._edges, self._bundle, self._triangles, sound, heard)
         if self.bundle.bounces == 2:
-            self._second_bounce(mouth, axis, hit)
+            self._second_bounce(aim, rays, heard)
         return EchoArrivals(work.mirror, work.real, work.imag, work.extent)
 
     def envelope(self, world_from_sensor: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -195,28 +194,21 @@ class Sounder:
         received = self.response * np.sqrt(mirror + np.abs(diffuse) ** 2 + self._ringing**2)
         return along, np.asarray(received, dtype=np.float64), self._level
 
-    def _second_bounce(self, mouth: FloatArray, axis: FloatArray, hit: IntArray) -> None:
+    def _second_bounce(self, aim: Aim, rays: Rays, bins: Bins) -> None:
         scene, work = self.scene, self._work
-        count = reflections.reflect(
-            mouth, scene.origin_m, work.ray, hit, work.distance, work.cosine, self._gain, scene.normal, scene.material,
-            self._mirror, self._roughness, len(self._gain), work.start, work.onward, work.onward32, work.parent,
-        )  # fmt: skip
-        if count == 0:
-            return
-        hit2 = scene.first_triangle(work.start[:count], work.onward32[:count])
-        reflections.add_second_bounce(
-            count, mouth, axis, work.ray, hit, work.distance, work.cosine, self.beam.weight_sr, self._gain,
-            work.onward, hit2, work.parent, scene.normal, scene.offset_m, scene.material, self._mirror,
-            self._roughness, self.beam.two_way, self.wave_number, self.absorption, BIN_M, work.mirror, work.extent,
-        )  # fmt: skip
+        onward = reflections.Onward(work.start, work.onward, work.onward32, work.parent)
+        heard = self._bundle, self._triangles, self._sound
+        count = reflections.reflect(aim.mouth, scene.origin_m, rays, *heard, onward)
+        if count > 0:
+            hit = scene.first_triangle(work.start[:count], work.onward32[:count])
+            reflections.add_second_bounce(aim, rays, onward, hit, *heard, bins)
 
     def _crossings(self, found: EchoArrivals, scale: FloatArray, shift: FloatArray) -> tuple[FloatArray, float]:
         """Place (P,) of each ping's detection in bins, and the peak of the envelope after it."""
         place = np.empty(len(scale))
-        peak = detect(
-            found.mirror, found.real, found.imag, found.extent, self._shape, self._shape2, self._level, self._ringing,
-            self._opens, scale, shift, place,
-        )  # fmt: skip
+        received = Received(found.mirror, found.real, found.imag, found.extent, self._shape, self._shape2)
+        detector = Detector(self._level, self._ringing, self._opens)
+        peak = detect(received, detector, scale, shift, place)
         return place, peak
 
     def _crossed(self, time_s: FloatArray, neighbours: int, generator: np.random.Generator) -> FloatArray:

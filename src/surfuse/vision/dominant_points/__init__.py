@@ -9,10 +9,10 @@ import numpy as np
 
 from surfuse.errors import ConfigError, DataError
 from surfuse.records import FloatArray, IntArray
-from surfuse.vision.dominant_points.chords import running_sums
+from surfuse.vision.dominant_points.chords import Curve, running_sums
 from surfuse.vision.dominant_points.order import shape_order
 from surfuse.vision.dominant_points.refinement import refined, resized
-from surfuse.vision.dominant_points.selection import repaired, selected, turns
+from surfuse.vision.dominant_points.selection import Corner, repaired, selected, turns
 from surfuse.vision.dominant_points.splitting import candidates
 
 _SLACK = 1e-10
@@ -84,28 +84,25 @@ def dominant_points(
     order = shape_order(square, closed)
     points = square[order] - square.mean(axis=0)
     points = np.concatenate([points, points]) if closed else points
-    sums = running_sums(points)
+    curve = Curve(points, running_sums(points), n, closed)
     scale2 = float(np.mean(points**2))
     slack, slack2 = _SLACK * math.sqrt(scale2), _SLACK * scale2
-    found = candidates(points, sums, n, closed, chosen.tolerance_px, slack)
+    found = candidates(curve, chosen.tolerance_px, slack)
     if closed and len(found) < 3:
-        found = resized(points, sums, n, closed, found, 3, slack2)
+        found = resized(curve, found, 3, slack2)
     if n_points is None:
-        vertices = _within_tolerance(points, sums, n, closed, found, chosen, slack, slack2)
+        vertices = _within_tolerance(curve, found, chosen, slack, slack2)
     else:
-        vertices = resized(points, sums, n, closed, found, n_points, slack2)
-        vertices = refined(points, sums, n, closed, vertices, found, slack2, chosen.rounds)
-    turn_rad = turns(points, sums, n, closed, vertices)
+        vertices = resized(curve, found, n_points, slack2)
+        vertices = np.sort(refined(curve, vertices, found, slack2, chosen.rounds))
+    turn_rad = turns(curve, vertices)
     indices = order[vertices]
     rank = np.argsort(indices)
     return DominantPoints(indices[rank], contour[indices[rank]], turn_rad[rank], np.sort(order[found]))
 
 
 def _within_tolerance(
-    points: FloatArray,
-    sums: FloatArray,
-    n: int,
-    closed: bool,
+    curve: Curve,
     found: IntArray,
     chosen: DominantPointParameters,
     slack: float,
@@ -113,17 +110,17 @@ def _within_tolerance(
 ) -> IntArray:
     """Select by slope and place, again while that spares points, then add points where the tolerance is not kept."""
     tolerance = chosen.tolerance_px
-    spacing = chosen.spacing_px or 2.0 * tolerance
-    vertices = selected(points, sums, n, closed, found, tolerance, chosen.corner_rad, spacing, slack)
+    corner = Corner(tolerance, chosen.corner_rad, chosen.spacing_px or 2.0 * tolerance, slack)
+    vertices = selected(curve, found, corner)
     for _ in range(_RESELECTIONS):
-        placed = refined(points, sums, n, closed, vertices, found, slack2, 0)
-        fewer = selected(points, sums, n, closed, placed, tolerance, chosen.corner_rad, spacing, slack)
+        placed = np.sort(refined(curve, vertices, found, slack2, 0))
+        fewer = selected(curve, placed, corner)
         if len(fewer) == len(placed):
             break
         vertices = fewer
     for _ in range(_REPAIRS):
-        placed = refined(points, sums, n, closed, vertices, found, slack2, chosen.rounds)
-        vertices = repaired(points, n, closed, placed, tolerance, slack)
+        placed = np.sort(refined(curve, vertices, found, slack2, chosen.rounds))
+        vertices = repaired(curve, placed, tolerance, slack)
         if len(vertices) == len(placed):
             break
     return vertices

@@ -7,11 +7,21 @@ i and point i + n being the same. Arrays of a closed curve are stored twice over
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from surfuse.geometry.compiled import compiled
 from surfuse.records import FloatArray
+
+
+class Curve(NamedTuple):
+    """A contour of `n` points, as kernels take it: `points` centred and `sums` over them, twice over when `closed`."""
+
+    points: FloatArray
+    sums: FloatArray
+    n: int
+    closed: bool
 
 
 def running_sums(points: FloatArray) -> FloatArray:
@@ -22,12 +32,13 @@ def running_sums(points: FloatArray) -> FloatArray:
 
 
 @compiled
-def chord_error(points: FloatArray, sums: FloatArray, n: int, i: int, j: int) -> float:
+def chord_error(curve: Curve, i: int, j: int) -> float:
     """Sum of squared distances of the points strictly between i and j to the line through both (or to the point)."""
     count = j - i - 1
     if count <= 0:
         return 0.0
-    i = i % n
+    points, sums = curve.points, curve.sums
+    i = i % curve.n
     j = i + count + 1
     px, py = points[i, 0], points[i, 1]
     dx, dy = points[j, 0] - px, points[j, 1] - py
@@ -43,12 +54,12 @@ def chord_error(points: FloatArray, sums: FloatArray, n: int, i: int, j: int) ->
 
 
 @compiled
-def farthest(points: FloatArray, n: int, i: int, j: int, slack: float) -> tuple[int, float]:
+def farthest(curve: Curve, i: int, j: int, slack: float) -> tuple[int, float]:
     """The point strictly between i and j that is farthest from the chord (as a segment), and its distance.
 
     A later point must be farther by more than `slack`: ties go to the first. Without points between: (i, 0).
     """
-    start = i % n
+    points, start = curve.points, i % curve.n
     px, py = points[start, 0], points[start, 1]
     dx, dy = points[start + j - i, 0] - px, points[start + j - i, 1] - py
     length2 = dx * dx + dy * dy
@@ -64,10 +75,11 @@ def farthest(points: FloatArray, n: int, i: int, j: int, slack: float) -> tuple[
 
 
 @compiled
-def slope(points: FloatArray, sums: FloatArray, n: int, i: int, j: int) -> float:
+def slope(curve: Curve, i: int, j: int) -> float:
     """Direction (rad) of the total-least-squares line through the points i to j inclusive, pointing from i to j."""
     count = j - i + 1
-    i = i % n
+    points, sums = curve.points, curve.sums
+    i = i % curve.n
     j = i + count - 1
     sx, sy = sums[j + 1, 0] - sums[i, 0], sums[j + 1, 1] - sums[i, 1]
     xx = sums[j + 1, 2] - sums[i, 2] - sx * sx / count
@@ -81,7 +93,7 @@ def slope(points: FloatArray, sums: FloatArray, n: int, i: int, j: int) -> float
 
 
 @compiled
-def turn(points: FloatArray, sums: FloatArray, n: int, before: int, here: int, after: int) -> float:
+def turn(curve: Curve, before: int, here: int, after: int) -> float:
     """Absolute change of the fitted slope at a vertex, in [0, pi]."""
-    change = slope(points, sums, n, here, after) - slope(points, sums, n, before, here)
+    change = slope(curve, here, after) - slope(curve, before, here)
     return abs((change + math.pi) % (2.0 * math.pi) - math.pi)

@@ -54,6 +54,14 @@ def _largest_rotation(signature: IntArray) -> int:
 
 
 @compiled
+def take_out(vertices: IntArray, costs: FloatArray, at: int, count: int) -> None:
+    """Close the gap that one of the first `count` vertices leaves, in place; the costs move with them."""
+    for a in range(at, count - 1):
+        vertices[a] = vertices[a + 1]
+        costs[a] = costs[a + 1]
+
+
+@compiled
 def first_least(values: FloatArray, count: int, slack: float) -> int:
     """Index of the least of the first `count` values; of values equal within `slack` the first."""
     best, where = np.inf, 0

@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 from surfuse.geometry.compiled import compiled
-from surfuse.records import FloatArray, IntArray
-from surfuse.vision.dominant_points.chords import chord_error, farthest
-from surfuse.vision.dominant_points.order import first_least
+from surfuse.records import IntArray
+from surfuse.vision.dominant_points.chords import Curve, chord_error, farthest
+from surfuse.vision.dominant_points.order import first_least, take_out
 
 _CHORD_SHARE = 0.05
 _TOLERANCE_SHARE_MIN = 0.5
@@ -22,25 +22,26 @@ _TOLERANCE_SHARE_MAX = 0.7
 
 
 @compiled
-def split_limit(points: FloatArray, n: int, i: int, j: int, tolerance: float) -> float:
+def split_limit(curve: Curve, i: int, j: int, tolerance: float) -> float:
     """The deviation that splits a chord: a twentieth of its length, within 50 and 70 % of the tolerance."""
-    a = i % n
+    points, a = curve.points, i % curve.n
     dx, dy = points[a + j - i, 0] - points[a, 0], points[a + j - i, 1] - points[a, 1]
     limit = _CHORD_SHARE * math.sqrt(dx * dx + dy * dy)
     return min(max(limit, _TOLERANCE_SHARE_MIN * tolerance), _TOLERANCE_SHARE_MAX * tolerance)
 
 
 @compiled
-def candidates(points: FloatArray, sums: FloatArray, n: int, closed: bool, tolerance: float, slack: float) -> IntArray:
+def candidates(curve: Curve, tolerance: float, slack: float) -> IntArray:
     """Candidate vertices, increasing: of an open curve with both ends, of a closed one at least 3.
 
     Points are in shape order: point 0 of a closed curve is the farthest from its centroid, hence on its convex hull.
     """
+    n = curve.n
     marked = np.zeros(n, dtype=np.bool_)
     marked[0] = True
     stack = np.empty((n + 2, 2), dtype=np.int64)
-    if closed:
-        opposite = _farthest_from_start(points, n, slack)
+    if curve.closed:
+        opposite = _farthest_from_start(curve, slack)
         marked[opposite] = True
         stack[0, 0], stack[0, 1] = 0, opposite
         stack[1, 0], stack[1, 1] = opposite, n
@@ -52,19 +53,20 @@ def candidates(points: FloatArray, sums: FloatArray, n: int, closed: bool, toler
     while depth > 0:
         depth -= 1
         i, j = stack[depth, 0], stack[depth, 1]
-        where, distance = farthest(points, n, i, j, slack)
-        if distance > split_limit(points, n, i, j, tolerance) + slack:
+        where, distance = farthest(curve, i, j, slack)
+        if distance > split_limit(curve, i, j, tolerance) + slack:
             marked[where] = True
             stack[depth, 0], stack[depth, 1] = i, where
             stack[depth + 1, 0], stack[depth + 1, 1] = where, j
             depth += 2
-    return _merged(points, sums, n, closed, tolerance, slack, np.flatnonzero(marked))
+    return _merged(curve, tolerance, slack, np.flatnonzero(marked))
 
 
 @compiled
-def _farthest_from_start(points: FloatArray, n: int, slack: float) -> int:
+def _farthest_from_start(curve: Curve, slack: float) -> int:
     best, where = -1.0, 1
-    for k in range(1, n):
+    points = curve.points
+    for k in range(1, curve.n):
         distance = math.hypot(points[k, 0] - points[0, 0], points[k, 1] - points[0, 1])
         if distance > best + slack:
             best, where = distance, k
@@ -72,32 +74,26 @@ def _farthest_from_start(points: FloatArray, n: int, slack: float) -> int:
 
 
 @compiled
-def _merged(
-    points: FloatArray, sums: FloatArray, n: int, closed: bool, tolerance: float, slack: float, vertices: IntArray
-) -> IntArray:
+def _merged(curve: Curve, tolerance: float, slack: float, vertices: IntArray) -> IntArray:
     """Remove vertices whose neighbours see each other within the limit, the cheapest first."""
     k = len(vertices)
     rise = np.empty(k)
     for a in range(k):
-        rise[a] = merge_rise(points, sums, n, closed, vertices, k, a, tolerance, slack)
-    while k > (3 if closed else 2):
+        rise[a] = merge_rise(curve, vertices, k, a, tolerance, slack)
+    while k > (3 if curve.closed else 2):
         best = first_least(rise, k, slack)
         if not math.isfinite(rise[best]):
             break
-        vertices[best : k - 1] = vertices[best + 1 : k].copy()
-        rise[best : k - 1] = rise[best + 1 : k].copy()
+        take_out(vertices, rise, best, k)
         k -= 1
         for a in ((best - 1) % k, best % k):
-            rise[a] = merge_rise(points, sums, n, closed, vertices, k, a, tolerance, slack)
+            rise[a] = merge_rise(curve, vertices, k, a, tolerance, slack)
     return vertices[:k].copy()
 
 
 @compiled
 def merge_rise(
-    points: FloatArray,
-    sums: FloatArray,
-    n: int,
-    closed: bool,
+    curve: Curve,
     vertices: IntArray,
     k: int,
     a: int,
@@ -105,14 +101,14 @@ def merge_rise(
     slack: float,
 ) -> float:
     """By how much the squared error rises when vertex a goes; inf where it must stay."""
-    if not closed and (a == 0 or a == k - 1):
+    if not curve.closed and (a == 0 or a == k - 1):
         return math.inf
-    before, after = neighbours(vertices, k, a, n)
-    if farthest(points, n, before, after, slack)[1] > split_limit(points, n, before, after, tolerance) + slack:
+    before, after = neighbours(vertices, k, a, curve.n)
+    if farthest(curve, before, after, slack)[1] > split_limit(curve, before, after, tolerance) + slack:
         return math.inf
     here = vertices[a]
-    split = chord_error(points, sums, n, before, here) + chord_error(points, sums, n, here, after)
-    return chord_error(points, sums, n, before, after) - split
+    split = chord_error(curve, before, here) + chord_error(curve, here, after)
+    return chord_error(curve, before, after) - split
 
 
 @compiled

@@ -1,0 +1,259 @@
+"""surfuse's end of a bridge: typed questions, checked answers, and a watch over what they say one after the other."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from surfuse.bridge import answers, questions
+from surfuse.bridge.consistency import Consistency, Tolerances
+from surfuse.bridge.conversation import Conversation, Tally
+from surfuse.bridge.messages import (
+    Ability,
+    ArmKind,
+    Hello,
+    Image,
+    MoveTo,
+    Question,
+    State,
+    SweepAnswer,
+)
+from surfuse.bridge.patience import Patience
+from surfuse.bridge.refusals import GarbledError
+from surfuse.bridge.transport import ClosedError, SilenceError, Transport
+from surfuse.errors import ConfigError, DeviceError, SurfuseError, nearest
+from surfuse.records import BoolArray, FloatArray
+
+PATIENCE = Patience()
+TOLERANCES = Tolerances()
+_POSES_A_QUESTION = 50  # a controller that solves one in 20 ms answers within a second
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A sweep, and where the arm was before and after it."""
+
+    before: State
+    sweep: SweepAnswer
+    after: State
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """How this machine's `time.monotonic` and the bridge's clock belong together, at most `uncertainty_s` off."""
+
+    host_minus_bridge_s: float
+    uncertainty_s: float
+
+
+class BridgeClient:
+    """A rig behind a bridge.
+
+    Parameters
+    ----------
+    transport : `TcpTransport` or `ChildTransport`.
+    patience : how long answers may take, and when the bridge is given up.
+    tolerances : how far answers may be from what was asked and said before.
+
+    All methods raise DeviceError for a bridge that is gone, silent, or makes no sense, SafetyStopError for one that
+    contradicts itself or refuses for safety.
+    """
+
+    def __init__(
+        self, transport: Transport, patience: Patience = PATIENCE, tolerances: Tolerances = TOLERANCES
+    ) -> None:
+        self._watch = Consistency(tolerances, transport.name)
+        self._line = Conversation(transport, patience, self._watch.new_connection)
+        self._hello: Hello | None = None
+        self._move_lost = False
+
+    def __enter__(self) -> Self:
+        try:
+            self._hello = self._line.open()
+        except BaseException:
+            self._line.close()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is not None and self._hello is not None and self.can(Ability.STOP):
+            with contextlib.suppress(SurfuseError):
+                self.stop()
+        self._line.close()
+
+    @property
+    def hello(self) -> Hello:
+        """What is behind the bridge."""
+        if self._hello is None:
+            raise DeviceError("the bridge is not open", where=self._line.where, cure="use it in a with block")
+        return self._hello
+
+    @property
+    def tally(self) -> Tally:
+        """What went wrong and was put right."""
+        return self._line.tally
+
+    def can(self, ability: Ability) -> bool:
+        """Whether the bridge says that it can."""
+        return ability in self.hello.can
+
+    def state(self) -> State:
+        """Where the arm is; one that only surfuse moves must be where it was."""
+        state = self._asked_state(Question.STATE)
+        if self.hello.arm is not None:
+            self._watch.check_rest(state)
+        return state
+
+    def reach(self, world_from_tool: FloatArray) -> BoolArray:
+        """Which of the poses (N, 4, 4) the arm can take: (N,)."""
+        self._demand(Ability.REACH)
+        parts = [world_from_tool[i : i + _POSES_A_QUESTION] for i in range(0, len(world_from_tool), _POSES_A_QUESTION)]
+        reachable = [self._reach_of(part) for part in parts]
+        return np.concatenate([np.zeros(0, dtype=np.bool_), *reachable])
+
+    def move(self, to: MoveTo) -> State:
+        """Go there and settle; the state as reached.
+
+        Raises
+        ------
+        UnreachableError : the arm cannot go there, and has not moved.
+        SafetyStopError : it is not where it was sent, or was stopped.
+        DeviceError : it did not get there in time.
+        """
+        self._check_target(to)
+        if self._move_lost:
+            self.state()  # nobody knows how the last one ended
+            self._move_lost = False
+        self._watch.moving()
+        try:
+            reached = self._sent(to)
+        except (ClosedError, GarbledError, SilenceError) as lost:
+            reached = self._after_lost_move(to, lost)
+        self._watch.check_times([reached.t_s])
+        self._watch.check_arrival(to, reached)
+        return reached
+
+    def sweep(self, sensors: tuple[str, ...] | None = None) -> SweepAnswer:
+        """Fire these sensors (None: all) once; readings in the order of the sensors, without those that did not answer.
+
+        Where the arm was meanwhile is not asked: see `observe`.
+        """
+        asked = self.hello.sensors if sensors is None else sensors
+        self._check_sensors(asked)
+        fields = questions.encode_sweep(sensors)
+        answer = self._line.ask(Question.SWEEP, fields, lambda got: answers.decode_sweep(got, asked))
+        readings = sorted(answer.readings, key=lambda reading: asked.index(reading.sensor))
+        self._watch.check_times([reading.t_s for reading in readings])
+        return SweepAnswer(tuple(readings))
+
+    def observe(self, sensors: tuple[str, ...] | None = None) -> Observation:
+        """A sweep between two states.
+
+        Raises
+        ------
+        SafetyStopError : an arm that only surfuse moves has moved since its last move, or while the sensors fired.
+        """
+        at_rest = self._watch.rest
+        before = at_rest if at_rest is not None and self.hello.arm is not None else self.state()
+        sweep = self.sweep(sensors)
+        return Observation(before, sweep, self.state())
+
+    def image(self) -> Image:
+        """One picture."""
+        self._demand(Ability.IMAGE)
+        camera = self.hello.camera
+        if camera is None:
+            raise DeviceError("the bridge can 'image' but has no 'camera'", where=self._line.where)
+        image = self._line.ask(Question.IMAGE, {}, lambda got: answers.decode_image(got, camera))
+        self._watch.check_times([image.t_s])
+        return image
+
+    def stop(self) -> State:
+        """Stop the arm at once, also in the middle of a move; where it is then."""
+        self._demand(Ability.STOP)
+        self._watch.moving()
+        state = self._asked_state(Question.STOP)
+        self._move_lost = False
+        return state
+
+    def measure_clock(self, questions_asked: int = 8) -> ClockOffset:
+        """The bridge's clock against `time.monotonic`: by the state that came back fastest."""
+        best = ClockOffset(0.0, float("inf"))
+        for _ in range(questions_asked):
+            sent_s = time.monotonic()
+            stamp_s = self.state().t_s
+            half_s = 0.5 * (time.monotonic() - sent_s)
+            if half_s < best.uncertainty_s:
+                best = ClockOffset(sent_s + half_s - stamp_s, half_s)
+        return best
+
+    def _asked_state(self, question: Question) -> State:
+        arm = self.hello.arm
+        state = self._line.ask(question, {}, lambda got: answers.decode_state(got, arm))
+        self._watch.check_times([state.t_s])
+        return state
+
+    def _reach_of(self, poses: FloatArray) -> BoolArray:
+        fields = questions.encode_reach(poses)
+        return self._line.ask(Question.REACH, fields, lambda got: answers.decode_reach(got, len(poses))).reachable
+
+    def _sent(self, to: MoveTo) -> State:
+        arm = self.hello.arm
+        self._line.ensure_connected()
+        return self._line.ask_once(Question.MOVE, questions.encode_move(to), lambda got: answers.decode_state(got, arm))
+
+    def _after_lost_move(self, to: MoveTo, lost: DeviceError) -> State:
+        """Ask where the arm is before anything else, and stop it when it took too long.
+
+        Only where the line broke, and the arm has said where it is, the move is sent again, once.
+        """
+        self._move_lost = True
+        too_long = isinstance(lost, SilenceError)
+        state = self._asked_state(Question.STOP if too_long and self.can(Ability.STOP) else Question.STATE)
+        self._move_lost = False
+        if self._watch.arrived(to, state):
+            return state
+        if too_long:
+            raise DeviceError(
+                f"{lost.what}, and the arm is not where it was sent",
+                where=lost.where,
+                cure="raise move_timeout_s if the arm is slow, then resume the run",
+            ) from lost
+        return self._sent(to)
+
+    def _check_sensors(self, asked: tuple[str, ...]) -> None:
+        known = self.hello.sensors
+        for name in asked:
+            if name not in known:
+                where, cure = self._line.where, nearest(name, known)
+                raise ConfigError(f"the bridge has no sensor '{name}'", where=where, cure=cure)
+        if len(set(asked)) != len(asked):
+            raise ConfigError("a sensor is asked twice in one sweep", where=self._line.where, cure="name each once")
+
+    def _check_target(self, to: MoveTo) -> None:
+        arm = self.hello.arm
+        if arm is None:
+            raise ConfigError(
+                "this bridge moves nothing ('arm' is null)", where=self._line.where, cure="record instead"
+            )
+        if to.joints_rad is None:
+            return
+        if arm.kind is ArmKind.CARTESIAN or len(to.joints_rad) != arm.joints:
+            has = "no joints to command" if arm.kind is ArmKind.CARTESIAN else f"{arm.joints} joints"
+            raise ConfigError(f"a target of {len(to.joints_rad)} joints, the arm has {has}", where=self._line.where)
+
+    def _demand(self, ability: Ability) -> None:
+        if not self.can(ability):
+            can = ", ".join(sorted(self.hello.can)) or "nothing of that kind"
+            raise DeviceError(
+                f"the bridge cannot '{ability.value}'; it can: {can}",
+                where=self._line.where,
+                cure=f"add '{ability.value}' to its 'can' and answer it",
+            )
