@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import numpy as np
+from surfuse.fusing.columns import PointColumns, ScanColumns
 
 import surfuse as sf
 from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate
-from surfuse.fusing.columns import PointColumns, ScanColumns
 from surfuse.fusing.sweepwise import SweepwiseFusion
 
 DATA = Path(__file__).parent / "data"

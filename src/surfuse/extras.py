@@ -36,6 +36,8 @@ EXTRAS = (
     Extra("serial", ("serial",), "rangers on a serial port"),
     Extra("gpio", ("gpiozero",), "rangers on pins"),
     Extra("ur", ("rtde_receive",), "arms of Universal Robots"),
+    Extra("plot", ("matplotlib",), "plots from Python"),
+    Extra("xarray", ("xarray",), "labelled datasets from Python"),
 )
 
 

@@ -14,7 +14,8 @@ What a driver needs and no file can name (the clock, the kinematics, in the simu
 as one record in the last field, `surroundings: ... = field(default=..., metadata=GIVEN_BY_RIG)`. Every kind has its
 usual record (`SensorSurroundings`, `CameraSurroundings`, `motion.arm_surroundings.ArmSurroundings`), which a real rig
 can give; a driver that needs more, as the simulated ones do, asks for a record derived from it. Where the default is
-None, the driver cannot do without (`surrounded`).
+None, the driver cannot do without (`surrounded`). So a rig makes any device in one way: it takes its own keys out of
+the table, gives the others and the surroundings to `registry.parameters`, and the result to `create`.
 """
 
 from __future__ import annotations

@@ -70,3 +70,30 @@ def test_no_file_can_name_the_surroundings(kind, name, tmp_path):
 
     with opened_bench(kind, name, tmp_path) as bench, pytest.raises(ConfigError, match=r"unknown key 'table\.surround"):
         registry.parameters(kind, name, {**bench.values, "surroundings": {}}, "table")
+
+
+# What the table of a sensor says about its place and its beam is read by the rig, for every driver.
+OF_THE_RIG = {
+    "aperture_m",
+    "axis",
+    "beam_full_angle_deg",
+    "burst_cycles",
+    "dead_length_m",
+    "driver",
+    "frequency_hz",
+    "kind",
+    "lag_s",
+    "name",
+    "plugin",
+    "position_m",
+    "range_max_m",
+    "range_min_m",
+    "sigma_m",
+    "threshold_ratio",
+}
+
+
+@pytest.mark.parametrize("name", registry.found("sensors").built_in)
+def test_no_sensor_driver_takes_a_key_of_the_rig(name):
+    fields = dataclasses.fields(registry.load("sensors", name).Parameters)
+    assert OF_THE_RIG.isdisjoint(field.name for field in fields)

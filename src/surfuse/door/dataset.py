@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING
 
-from surfuse.door.optional import needed
+from surfuse.extras import needed_by
 from surfuse.map_files.native import write_native
 from surfuse.records import SurfaceMap
 
@@ -20,7 +20,7 @@ def dataset_of(surface: SurfaceMap) -> xarray.Dataset:
     ------
     ConfigError : xarray is not installed.
     """
-    with needed("to_xarray()", "xarray"):
+    with needed_by("to_xarray()"):
         import xarray
     memory = io.BytesIO()
     write_native(memory, surface, points=None)

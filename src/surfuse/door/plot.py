@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from surfuse.door.arguments import shown
-from surfuse.door.optional import needed
 from surfuse.errors import UsageError, nearest
+from surfuse.extras import needed_by
 from surfuse.records import SurfaceMap
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def draw(surface: SurfaceMap, layer: str, axes: Axes | None) -> Axes:
     """
     if not isinstance(layer, str) or layer not in _TITLES:
         raise UsageError(f"layer = {shown(layer)}", cure=nearest(str(layer), _TITLES))
-    with needed("plot()", "plot"):
+    with needed_by("plot()"):
         import matplotlib.pyplot as plt
     if axes is None:
         _, axes = plt.subplots()
