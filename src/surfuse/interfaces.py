@@ -47,6 +47,7 @@ from surfuse.records import (
     SensorSpec,
     SurfaceMap,
     Sweep,
+    ToolState,
 )
 
 GIVEN_BY_RIG: Mapping[str, bool] = MappingProxyType({"given_by_rig": True})
@@ -182,6 +183,32 @@ class Arm(Device, Protocol):
         ------
         SafetyStopError : the target is outside a limit; the arm has not moved.
         DeviceError : the arm did not get there.
+        """
+
+
+@runtime_checkable
+class PoseArm(Device, Protocol):
+    """An arm that goes to poses of its tool; its own controller finds the joints."""
+
+    def tool_state(self) -> ToolState:
+        """Where the tool stands now.
+
+        Raises
+        ------
+        SafetyStopError : it is not where it was sent, though nothing moved it.
+        DeviceError : the arm does not answer.
+        """
+
+    def reachable(self, world_from_tool: FloatArray) -> BoolArray:
+        """Which of the poses (N, 4, 4) the arm can take: (N,); all of them when it cannot tell."""
+
+    def move_to_pose(self, world_from_tool: FloatArray) -> ToolState:
+        """Go to a pose (4, 4), settle, and return the state as reached.
+
+        Raises
+        ------
+        UnreachableError : the arm cannot go there; it has not moved.
+        SafetyStopError, DeviceError : the arm was stopped, or did not get there.
         """
 
 

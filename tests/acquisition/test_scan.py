@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from surfuse.acquisition.scan import ScanParameters, scan
+from surfuse.acquisition.scan import ScanParameters, WalkHooks, scan
+from surfuse.acquisition.stop_arm import JointStopArm
 from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND_HEIGHT_M, Puma560
 from surfuse.arms import simulated
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
@@ -89,18 +90,25 @@ class Array:
         return tuple(echoes)
 
 
+def walk(cell: Cell, arm, on_sweep, failures: dict[int, int] | None = None) -> None:
+    hooks = WalkHooks(on_sweep, lambda stop: cell.begin("scan", stop))
+    scan(PLAN, JointStopArm(arm), Array(cell, arm, failures), hooks)
+
+
 def run(failures: dict[int, int] | None = None, start_at: int = 0, last: int | None = None) -> tuple:
     cell = Cell()
     arm = arm_in(cell)
     sweeps: list[Sweep] = []
     outcome = scan(
         PLAN,
-        arm,
+        JointStopArm(arm),
         Array(cell, arm, failures),
-        sweeps.append,
-        lambda stop: cell.begin("scan", stop),
+        WalkHooks(
+            sweeps.append,
+            lambda stop: cell.begin("scan", stop),
+            lambda: last is not None and len(sweeps) + start_at >= last,
+        ),
         start_at,
-        lambda: last is not None and len(sweeps) + start_at >= last,
     )
     return outcome, sweeps, cell
 
@@ -138,7 +146,7 @@ def test_the_sweep_is_handed_on_before_the_arm_moves() -> None:
     def persist(sweep: Sweep) -> None:
         seen.append(np.array_equal(sweep.joints_rad, arm.joint_state().position_rad))
 
-    scan(PLAN, arm, Array(cell, arm), persist, lambda stop: cell.begin("scan", stop))
+    walk(cell, arm, persist)
     assert seen == [True] * 25
 
 
@@ -165,7 +173,7 @@ def test_a_dead_array_ends_the_scan_with_everything_before_it_handed_on() -> Non
     arm = arm_in(cell)
     sweeps: list[Sweep] = []
     with pytest.raises(DeviceError, match=r"can0: stop 6 of 25: the array failed 3 times: no answer from node 3"):
-        scan(PLAN, arm, Array(cell, arm, {6: 99}), sweeps.append, lambda stop: cell.begin("scan", stop))
+        walk(cell, arm, sweeps.append, {6: 99})
     assert [sweep.stop for sweep in sweeps] == list(range(6))
 
 
@@ -179,7 +187,7 @@ def test_a_refused_move_ends_the_scan_with_everything_before_it_handed_on() -> N
     arm = arm_in(cell, guard)
     sweeps: list[Sweep] = []
     with pytest.raises(SafetyStopError):
-        scan(PLAN, arm, Array(cell, arm), sweeps.append, lambda stop: cell.begin("scan", stop))
+        walk(cell, arm, sweeps.append)
     assert len(sweeps) == 3
 
 

@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from surfuse.acquisition.smooth import SmoothParameters, _joints_of, lines_of, smooth_scan, way_of
+from surfuse.acquisition.smooth import (
+    PassHooks,
+    SmoothParameters,
+    SmoothPass,
+    _joints_of,
+    lines_of,
+    smooth_scan,
+    way_of,
+)
 from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, READY_RAD, STAND_HEIGHT_M, Puma560
 from surfuse.arms import simulated
 from surfuse.errors import ConfigError, DeviceError, SafetyStopError
@@ -139,10 +147,9 @@ class Walk:
             rows.update(int(PLAN.row[stop]) for stop in self.sweeps)
             return lines is not None and len(rows) >= lines
 
-        return smooth_scan(
-            PLAN, self.arm, self.array, self.planner, self.keep, lambda stop: self.cell.begin("stop", stop), self.when,
-            self.bring, self.sweeps, stop_now,
-        )  # fmt: skip
+        run = SmoothPass(self.arm, self.planner, self.when)
+        hooks = PassHooks(self.keep, lambda stop: self.cell.begin("stop", stop), self.bring, stop_now)
+        return smooth_scan(PLAN, run, self.array, hooks, self.sweeps)
 
 
 @pytest.fixture(scope="module")

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from surfuse.acquisition.station import sweep_of, take_sweep
+from surfuse.acquisition.station import GripPlaces, sweep_of, take_sweep
 from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, READY_RAD, Puma560
 from surfuse.errors import DeviceError
 from surfuse.geometry.poses import pose, rotation_about
-from surfuse.records import Echo, Fixture, JointState, SensorSpec, Status
+from surfuse.records import Echo, Fixture, SensorSpec, Status, ToolState
 
 ARM = Puma560(pose(np.eye(3), [0, 0, 0.5]), pose(np.eye(3), [0, 0, 0.08 - FLANGE_OFFSET_M]))
 SPEC = SensorSpec("s", "sonar", 0.35, 4.0, 0.4, 0.001)
@@ -41,8 +41,12 @@ class Answering:
         return self.echoes
 
 
+def standing(t_s: float) -> ToolState:
+    return ToolState(t_s, ARM.forward(READY_RAD), READY_RAD)
+
+
 def test_a_sweep_holds_the_echoes_as_they_are() -> None:
-    sweep = take_sweep(7, 2, JointState(READY_RAD, 0.9), ARM, Answering(ECHOES))
+    sweep = take_sweep(7, 2, standing(0.9), Answering(ECHOES))
     assert (sweep.stop, sweep.row) == (7, 2)
     assert_allclose(sweep.t_s, [1.0, 1.1, 1.2, 1.3])
     assert sweep.status.tolist() == [0, 1, 2, 3]
@@ -55,7 +59,7 @@ def test_a_sweep_holds_the_echoes_as_they_are() -> None:
 
 
 def test_sensor_poses_follow_from_the_measured_joints() -> None:
-    sweep = take_sweep(0, 0, JointState(READY_RAD, 0.9), ARM, Answering(ECHOES))
+    sweep = take_sweep(0, 0, standing(0.9), Answering(ECHOES))
     grip = ARM.forward(READY_RAD)
     assert_allclose(sweep.world_from_grip, grip, atol=1e-15)
     for i in range(4):
@@ -66,7 +70,7 @@ def test_sensor_poses_follow_from_the_measured_joints() -> None:
 
 def test_an_arm_in_motion_gives_every_reading_its_own_pose() -> None:
     joints = READY_RAD + np.linspace(0.0, 0.03, 4)[:, None] * np.ones(6)
-    sweep = sweep_of(0, 0, ECHOES, FIXTURE, ARM, joints)
+    sweep = sweep_of(0, 0, ECHOES, FIXTURE, GripPlaces.moving(ARM, joints))
     for i in range(4):
         assert_allclose(sweep.position_m[i], (ARM.forward(joints[i]) @ FIXTURE.grip_from_sensor[i])[:3, 3], atol=1e-15)
     assert_allclose(sweep.world_from_grip, ARM.forward(READY_RAD + 0.015), atol=1e-12)
@@ -74,7 +78,7 @@ def test_an_arm_in_motion_gives_every_reading_its_own_pose() -> None:
 
 def test_missing_answers_are_a_device_error() -> None:
     with pytest.raises(DeviceError, match="3 answers of 4 sensors"):
-        take_sweep(0, 0, JointState(READY_RAD, 0.0), ARM, Answering(ECHOES[:3]))
+        take_sweep(0, 0, standing(0.0), Answering(ECHOES[:3]))
 
 
 @pytest.mark.parametrize(
@@ -84,4 +88,4 @@ def test_missing_answers_are_a_device_error() -> None:
 def test_a_range_that_contradicts_its_status_is_a_device_error(status: Status, range_m: float) -> None:
     echoes = (dataclasses.replace(ECHOES[0], status=status, range_m=range_m), *ECHOES[1:])
     with pytest.raises(DeviceError, match=status.name):
-        take_sweep(3, 0, JointState(READY_RAD, 0.0), ARM, Answering(echoes))
+        take_sweep(3, 0, standing(0.0), Answering(echoes))

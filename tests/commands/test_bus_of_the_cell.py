@@ -36,7 +36,7 @@ def cell_with(*overrides):
 def facing_the_part(cell, forward_m=0.69, height_m=1.10):
     """Joints that bring the grip 0.43 m in front of the part of the usual cell, looking outwards."""
     grip = world_from_shoulder(math.radians(35.0)) @ looking_outwards(forward_m, height_m)
-    joints, reached = cell.arm.kinematics.inverse(grip[None])
+    joints, reached = cell.motion.arm.kinematics.inverse(grip[None])
     return joints[0][reached[0]][0]
 
 
@@ -45,7 +45,7 @@ def sweeps_of(cell):
     with cell.opened():
         for stop in STOPS:
             cell.begin("stop", stop)
-            cell.arm.move_to(facing_the_part(cell, height_m=1.10 + 0.005 * stop))
+            cell.motion.arm.move_to(facing_the_part(cell, height_m=1.10 + 0.005 * stop))
             found.append(cell.array.sweep())
     return found
 

@@ -61,7 +61,7 @@ def multicast_works():
 def facing_the_part(cell, forward_m=0.69, height_m=1.10):
     """Joints that bring the grip 0.43 m in front of the part of the usual cell, looking outwards."""
     grip = world_from_shoulder(math.radians(35.0)) @ looking_outwards(forward_m, height_m)
-    joints, reached = cell.arm.kinematics.inverse(grip[None])
+    joints, reached = cell.motion.arm.kinematics.inverse(grip[None])
     return joints[0][reached[0]][0]
 
 
@@ -73,7 +73,7 @@ def readings(*overrides):
         found = []
         for stop in (2, 4):
             cell.begin("stop", stop)
-            cell.arm.move_to(facing_the_part(cell, height_m=1.10 + 0.005 * stop))
+            cell.motion.arm.move_to(facing_the_part(cell, height_m=1.10 + 0.005 * stop))
             found += cell.array.sweep()
     assert all(echo.status is Status.OK for echo in found)
     return [(e.range_m, e.spread_m, e.amplitude, e.status, e.count, round(e.t_s, 6)) for e in found]

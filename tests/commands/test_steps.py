@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
 
 import numpy as np
 import pytest
 
+from surfuse.commands.acquire.job import Job
 from surfuse.commands.acquire.locating import finder, locate
-from surfuse.commands.acquire.plan_and_walk import _to_outer_edge, go_to_start, plan_for, replace_stops, scene_of, walk
+from surfuse.commands.acquire.planning import _to_outer_edge, plan_for, scene_of
+from surfuse.commands.acquire.walking import first_stops, walk
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import DataError
 from surfuse.fusion import weighted_average
@@ -63,10 +64,10 @@ def walked(located, tmp_path):
         cell, method = simulated_rig(SETTINGS), weighted_average.create(weighted_average.Parameters())
         with cell.opened(), LogWriter(tmp_path / f"log{count}") as log:
             log.append_scene(scene)
-            bring = partial(go_to_start, cell, SETTINGS, plan.outline, plan)
-            watching = watcher or SilentWatcher()
-            state, sweeps, finished = walk(cell, plan, scene, method, tuple(done), log, watching, bring)
-        return method.finish(state, None).points if finished else None, sweeps, tmp_path / f"log{count}"
+            job = Job(SETTINGS, cell, method, watcher or SilentWatcher())
+            walked = walk(job, plan, scene, tuple(done), log)
+        points = method.finish(walked.state, None).points if walked.complete(plan) else None
+        return points, walked.in_order(), tmp_path / f"log{count}"
 
     return go
 
@@ -131,7 +132,7 @@ def test_the_deepest_range_ends_at_the_outer_edge_of_the_table(located):
     assert np.hypot(ends[:, 0], ends[:, 1]).max() == pytest.approx(1.25, abs=1e-9) or np.all(
         np.hypot(ends[:, 0], ends[:, 1]) >= 1.25 - 1e-9
     )
-    facing = dataclasses.replace(replace_stops(plan, 1), world_from_grip=outwards(0.7)[None])
+    facing = dataclasses.replace(first_stops(plan, 1), world_from_grip=outwards(0.7)[None])
     assert _to_outer_edge(facing, 1.25) == pytest.approx(0.55)
 
 
@@ -173,10 +174,10 @@ def test_a_request_to_stop_is_kept_at_the_next_checkpoint(walked):
 
 def test_replace_stops_keeps_the_first(located):
     plan = located[1]
-    first = replace_stops(plan, 3)
+    first = first_stops(plan, 3)
     assert len(first) == 3
     assert np.array_equal(first.joints_rad, plan.joints_rad[:3])
-    assert len(replace_stops(plan, len(plan))) == len(plan)
+    assert len(first_stops(plan, len(plan))) == len(plan)
 
 
 def test_the_finder_takes_its_threshold_from_the_settings(located):

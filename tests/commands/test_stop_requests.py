@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
 
 import pytest
 
 from surfuse.commands.acquire import acquisition, reproduction
+from surfuse.commands.acquire.job import Job
 from surfuse.commands.acquire.locating import locate
-from surfuse.commands.acquire.plan_and_walk import go_to_start, plan_for, scene_of, smooth_walk, walk
+from surfuse.commands.acquire.planning import plan_for, scene_of
+from surfuse.commands.acquire.walking import walk
 from surfuse.commands.outcome import Outcome, SilentWatcher
 from surfuse.errors import InterruptError
 from surfuse.fusion import mean
@@ -71,8 +72,9 @@ class Watched:
 
 def watched_rig(settings, watcher: Stopping):
     rig = simulated_rig(settings)
-    arm = Watched(rig.arm, watcher)
-    return dataclasses.replace(rig, arm=arm, smooth=SmoothMotion(arm, rig.smooth.planner))
+    arm = Watched(rig.motion.arm, watcher)
+    motion = dataclasses.replace(rig.motion, arm=arm, smooth=SmoothMotion(arm, rig.motion.smooth.planner))
+    return dataclasses.replace(rig, motion=motion, lookout=dataclasses.replace(rig.lookout, arm=arm))
 
 
 @pytest.fixture(scope="module")
@@ -88,12 +90,12 @@ def found():
 
 def walked(found, folder, watcher: Stopping, mode: str = "stops", done=()):
     settings = load(None, [*HOW, f"scan.mode={mode}"])
-    outline, plan, scene = found
+    _, plan, scene = found
     rig, method = watched_rig(settings, watcher), mean.create(mean.Parameters())
     with rig.opened(), LogWriter(folder / "log") as log:
         log.append_scene(scene)
-        bring = partial(go_to_start, rig, settings, outline, plan, should_stop=watcher.stop_requested)
-        return walk(rig, plan, scene, method, tuple(done), log, watcher, bring, smooth_walk(rig, settings))
+        walked = walk(Job(settings, rig, method, watcher), plan, scene, tuple(done), log)
+        return walked.state, walked.in_order(), walked.complete(plan)
 
 
 @pytest.mark.parametrize("mode", ["stops", "smooth"])

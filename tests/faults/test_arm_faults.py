@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from surfuse.acquisition.scan import WalkHooks
+from surfuse.acquisition.stop_arm import JointStopArm
+
 sys.path.insert(0, str(Path(__file__).parents[1] / "arms"))
 from trident_bench import KINEMATICS, MODEL, TARGET, Bench
 
@@ -310,11 +313,11 @@ def test_what_was_scanned_before_a_stop_has_been_handed_on(scan_of_three_stops: 
 
     with bench.arm as arm:
         with pytest.raises(SafetyStopError, match="encoder of joint 1 stands still"):
-            scan(plan, arm, array, kept.append, before)
+            scan(plan, JointStopArm(arm), array, WalkHooks(kept.append, before))
         assert [sweep.stop for sweep in kept] == [0, 1]
         bench.card.mend_encoders()
         arm.recover()
-        outcome = scan(plan, arm, array, kept.append, start_at=2)
+        outcome = scan(plan, JointStopArm(arm), array, WalkHooks(kept.append), start_at=2)
     assert outcome.finished
     assert [sweep.stop for sweep in kept] == [0, 1, 2]
 

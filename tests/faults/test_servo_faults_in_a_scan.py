@@ -39,8 +39,8 @@ def a_fault_at_a_stop(parts: list[ServoArm], happens: Callable[[SimulatedCard], 
 
     def build(settings: Settings) -> Rig:
         cell = simulated_rig(settings)
-        assert isinstance(cell.arm, ServoTwinArm)
-        parts.append(cell.arm.parts)
+        assert isinstance(cell.motion.arm, ServoTwinArm)
+        parts.append(cell.motion.arm.parts)
 
         def begin(stage: str, index: int) -> None:
             cell.begin(stage, index)

@@ -89,7 +89,7 @@ def test_beams_that_are_not_parallel_are_refused() -> None:
 def facing_the_part(cell: Rig, forward_m: float = 0.69, height_m: float = 1.10) -> FloatArray:
     """Joints that bring the grip 0.43 m in front of the part of the usual cell, looking outwards."""
     grip = world_from_shoulder(math.radians(35.0)) @ looking_outwards(forward_m, height_m)
-    joints, reached = cell.arm.kinematics.inverse(grip[None])
+    joints, reached = cell.motion.arm.kinematics.inverse(grip[None])
     return joints[0][reached[0]][0]
 
 
@@ -100,7 +100,7 @@ def test_the_trigger_of_the_array_decides_in_the_cell() -> None:
             load(None, ["scene.name=flat", "bus.interface=none", "arm.driver=kinematic", f"array.trigger={trigger}"])
         )
         cell.begin("stop", 0)
-        cell.arm.move_to(facing_the_part(cell))
+        cell.motion.arm.move_to(facing_the_part(cell))
         began_s = cell.clock.now_s()
         with cell.opened():
             sweeps[trigger] = cell.array.sweep()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.acquisition.scan import ScanOutcome
-from surfuse.acquisition.station import sweep_of
+from surfuse.acquisition.station import GripPlaces, sweep_of
 from surfuse.errors import ConfigError, DeviceError
 from surfuse.interfaces import RangeArray
 from surfuse.motion.moving_arm import MovingArm
@@ -52,26 +52,39 @@ def way_of(plan: ScanPlan, line: IntArray) -> FloatArray:
     return plan.joints_rad[max(int(line[0]) - 1, 0) : int(line[-1]) + 1]
 
 
+@dataclass(frozen=True)
+class SmoothPass:
+    """The arm that runs along the lines, what plans its motions, and when the array is triggered."""
+
+    arm: MovingArm
+    planner: LinePlanner
+    when: SmoothParameters
+
+
+@dataclass(frozen=True)
+class PassHooks:
+    """What is told, and asked, on a pass.
+
+    `on_sweep` takes every sweep with the encoder samples since the one before it; `before_stop` is told each stop;
+    `bring` takes the arm to where the line with a stop begins, whenever the line before it was not run; `should_stop`
+    is asked before every line, and again after `bring`.
+    """
+
+    on_sweep: Callable[[Sweep, JointSamples], None]
+    before_stop: Callable[[int], None]
+    bring: Callable[[int], None]
+    should_stop: Callable[[], bool] = lambda: False
+
+
 def smooth_scan(
-    plan: ScanPlan,
-    arm: MovingArm,
-    array: RangeArray,
-    planner: LinePlanner,
-    on_sweep: Callable[[Sweep, JointSamples], None],
-    before_stop: Callable[[int], None],
-    parameters: SmoothParameters,
-    bring: Callable[[int], None],
-    done: Container[int] = (),
-    should_stop: Callable[[], bool] = lambda: False,
+    plan: ScanPlan, run: SmoothPass, array: RangeArray, hooks: PassHooks, done: Container[int] = ()
 ) -> ScanOutcome:
     """Run along the lines of a plan that have stops left to do, and fire the array at those on the way.
 
-    Every line is one motion, planned by `planner`, from where the line before it ended (or from the first stop) to its
-    own end. There the arm is at rest for an instant, so a line depends on nothing that ran before; `bring` takes the
-    arm to where the line with a stop begins, whenever the line before it was not run. `on_sweep` takes every sweep with
-    the encoder samples since the one before it; each reading carries the pose at its own firing time. Stops in `done`
-    are passed without a sweep. A sweep that fails is left out: nobody can go back for it in time. `should_stop` is
-    asked before every line, and again after `bring`.
+    Every line is one motion from where the line before it ended (or from the first stop) to its own end. There the arm
+    is at rest for an instant, so a line depends on nothing that ran before. Each reading carries the pose at its own
+    firing time. Stops in `done` are passed without a sweep. A sweep that fails is left out: nobody can go back for it
+    in time.
 
     Raises
     ------
@@ -79,34 +92,27 @@ def smooth_scan(
     DeviceError : the arm fails, or the array fails too often in a row; the arm has come to rest.
     ConfigError : a line cannot be run along.
     """
-    began_s = arm.joint_state().t_s
+    began_s = run.arm.joint_state().t_s
     missed, there = 0, False
     for line in lines_of(plan):
         if all(stop in done for stop in line.tolist()):
             there = False
             continue
-        if should_stop():
-            return ScanOutcome(int(line[0]), False, missed, arm.joint_state().t_s - began_s)
+        first = int(line[0])
+        if hooks.should_stop():
+            return ScanOutcome(first, False, missed, run.arm.joint_state().t_s - began_s)
         if not there:
-            bring(int(line[0]))
-            if should_stop():
-                return ScanOutcome(int(line[0]), False, missed, arm.joint_state().t_s - began_s)
-        before_stop(int(line[0]))
+            hooks.bring(first)
+            if hooks.should_stop():
+                return ScanOutcome(first, False, missed, run.arm.joint_state().t_s - began_s)
+        hooks.before_stop(first)
         there = True
-        missed += _run_line(plan, line, arm, array, planner, on_sweep, before_stop, parameters, done)
-    return ScanOutcome(len(plan), missed == 0, missed, arm.joint_state().t_s - began_s)
+        missed += _run_line(plan, line, run, array, hooks, done)
+    return ScanOutcome(len(plan), missed == 0, missed, run.arm.joint_state().t_s - began_s)
 
 
 def _run_line(
-    plan: ScanPlan,
-    line: IntArray,
-    arm: MovingArm,
-    array: RangeArray,
-    planner: LinePlanner,
-    on_sweep: Callable[[Sweep, JointSamples], None],
-    before_stop: Callable[[int], None],
-    parameters: SmoothParameters,
-    done: Container[int],
+    plan: ScanPlan, line: IntArray, run: SmoothPass, array: RangeArray, hooks: PassHooks, done: Container[int]
 ) -> int:
     """One line; returns how many sweeps failed."""
     way = way_of(plan, line)
@@ -114,30 +120,31 @@ def _run_line(
         raise ConfigError(
             "a scan of one stop has no line to run along", cure="take a smaller step, or scan.mode = 'stops'"
         )
-    motion, at_s = planner(way)
+    arm, when = run.arm, run.when
+    motion, at_s = run.planner(way)
     began_s = logged_s = arm.start(motion)
     missed, in_a_row = 0, 0
     failure: DeviceError | None = None
     for stop, due_s in zip(line.tolist(), at_s[-len(line) :].tolist(), strict=True):
         if stop in done:
             continue
-        arm.wait_until(began_s + max(due_s - parameters.lead_s, 0.0))
-        before_stop(stop)
+        arm.wait_until(began_s + max(due_s - when.lead_s, 0.0))
+        hooks.before_stop(stop)
         try:
             echoes = array.sweep()
         except DeviceError as error:
             missed, in_a_row, failure = missed + 1, in_a_row + 1, error
-            if in_a_row > parameters.misses_max:
+            if in_a_row > when.misses_max:
                 break
             continue
         in_a_row = 0
         samples = arm.samples_since(logged_s)
-        joints = _joints_of(echoes, samples, parameters.reading_s)
-        on_sweep(sweep_of(stop, int(plan.row[stop]), echoes, array.fixture, arm.kinematics, joints), samples)
+        grip = GripPlaces.moving(arm.kinematics, _joints_of(echoes, samples, when.reading_s))
+        hooks.on_sweep(sweep_of(stop, int(plan.row[stop]), echoes, array.fixture, grip), samples)
         logged_s = float(samples.t_s[-1])
     # Also after a failure the arm runs to the end of the line: it comes to rest as planned.
     arm.finish()
-    if failure is not None and in_a_row > parameters.misses_max:
+    if failure is not None and in_a_row > when.misses_max:
         raise DeviceError(
             f"line {int(plan.row[line[0]])}: the array failed {in_a_row} times in a row: {failure.what}",
             cure=failure.cure or "check the array, then resume the run",

@@ -3,38 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from surfuse.errors import DeviceError
 from surfuse.interfaces import Kinematics, RangeArray
-from surfuse.records import Echo, Fixture, FloatArray, JointState, Status, Sweep, columns_of_echoes
+from surfuse.records import Echo, Fixture, FloatArray, Status, Sweep, ToolState, columns_of_echoes
 
 
-def take_sweep(stop: int, row: int, state: JointState, kinematics: Kinematics, array: RangeArray) -> Sweep:
-    """Fire all sensors of the array from a standing arm.
+def take_sweep(stop: int, row: int, standing: ToolState, array: RangeArray) -> Sweep:
+    """Fire all sensors of the array from a standing arm, whose tool is the grip.
 
-    Sensor poses follow from the measured joints of `state`, the only ones that a real cell knows.
+    Sensor poses follow from the measured pose of the grip, the only one that a real rig knows.
 
     Raises
     ------
     DeviceError : the array does not answer for every sensor, or answers nonsense.
     """
-    return sweep_of(stop, row, array.sweep(), array.fixture, kinematics, state.position_rad)
+    return sweep_of(stop, row, array.sweep(), array.fixture, GripPlaces.standing(standing))
 
 
-def sweep_of(
-    stop: int,
-    row: int,
-    echoes: Sequence[Echo],
-    fixture: Fixture,
-    kinematics: Kinematics,
-    joints_rad: FloatArray,
-) -> Sweep:
+@dataclass(frozen=True)
+class GripPlaces:
+    """Where the grip was during a sweep: `of_readings` (4, 4) or (S, 4, 4), `middle` (4, 4), joints (J,) there."""
+
+    of_readings: FloatArray
+    middle: FloatArray
+    joints_rad: FloatArray
+
+    @classmethod
+    def standing(cls, state: ToolState) -> GripPlaces:
+        """A grip that stood still."""
+        return cls(state.world_from_tool, state.world_from_tool, state.joints_rad)
+
+    @classmethod
+    def moving(cls, kinematics: Kinematics, joints_rad: FloatArray) -> GripPlaces:
+        """A grip in motion, with the joints (S, J) at the moment of each emission.
+
+        The middle is half-way between the first and the last emission.
+        """
+        middle = 0.5 * (joints_rad[0] + joints_rad[-1])
+        return cls(kinematics.forward(joints_rad), kinematics.forward(middle), middle)
+
+
+def sweep_of(stop: int, row: int, echoes: Sequence[Echo], fixture: Fixture, grip: GripPlaces) -> Sweep:
     """The record of one sweep from its echoes, one a sensor in the order of the fixture.
-
-    `joints_rad` is (J,) for a standing arm, or (S, J): the joints at the moment of each emission, for an arm in
-    motion; the grip pose of the sweep is then the one half-way between the first and the last emission.
 
     Raises
     ------
@@ -46,17 +60,15 @@ def sweep_of(
         )
     for sensor, echo in enumerate(echoes):
         _check(stop, sensor, echo)
-    joints = np.asarray(joints_rad, dtype=np.float64)
-    middle = joints if joints.ndim == 1 else 0.5 * (joints[0] + joints[-1])
-    world_from_sensor = kinematics.forward(joints) @ fixture.grip_from_sensor
+    world_from_sensor = grip.of_readings @ fixture.grip_from_sensor
     return Sweep(
         stop=stop,
         row=row,
-        world_from_grip=kinematics.forward(middle),
+        world_from_grip=grip.middle,
         sensor=np.arange(len(echoes)),
         position_m=world_from_sensor[:, :3, 3],
         axis=world_from_sensor[:, :3, 2],
-        joints_rad=middle,
+        joints_rad=grip.joints_rad,
         **columns_of_echoes(echoes),
     )
 

@@ -25,6 +25,7 @@ from surfuse.records.sensing import (
     JointState,
     LateTable,
     SensorSpec,
+    ToolState,
 )
 from surfuse.records.surface import FusionResult, MapGrid, Score, SurfaceMap
 
@@ -65,6 +66,7 @@ __all__ = [
     "Status",
     "SurfaceMap",
     "Sweep",
+    "ToolState",
     "Trust",
     "columns_of_echoes",
     "in_words",

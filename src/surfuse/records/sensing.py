@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from surfuse.errors import DataError, nearest
-from surfuse.records.checks import FloatArray, check_finite, check_increasing, check_number, check_rigid, own
+from surfuse.records.checks import FloatArray, check_finite, check_increasing, check_number, check_rigid, own, own_pose
 from surfuse.records.codes import Status
 from surfuse.records.columns import ArrayRecord
 
@@ -158,6 +158,20 @@ class JointState(ArrayRecord):
     def __post_init__(self) -> None:
         own(self, np.float64, position_rad=(None,))
         check_finite(self.position_rad, "JointState.position_rad")
+
+
+@dataclass(frozen=True, eq=False)
+class ToolState(ArrayRecord):
+    """Where the tool of an arm stands at a moment: `world_from_tool` (4, 4), and joints (J,) rad (none: not told)."""
+
+    t_s: float
+    world_from_tool: FloatArray
+    joints_rad: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        own_pose(self, "world_from_tool")
+        own(self, np.float64, joints_rad=(None,))
+        check_finite(self.joints_rad, "ToolState.joints_rad")
 
 
 @dataclass(frozen=True, eq=False)

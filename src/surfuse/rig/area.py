@@ -13,6 +13,7 @@ from surfuse.geometry.polygons import counter_clockwise
 from surfuse.geometry.poses import inverse, is_rigid, pose, transform_points
 from surfuse.records import FloatArray, Outline
 from surfuse.runs.side_files import read_outline
+from surfuse.settings import Settings
 from surfuse.settings.rig_tables import AreaSettings
 
 _LEAST_SIDE_M = 1e-3
@@ -24,6 +25,18 @@ def part_frame(area: AreaSettings) -> FloatArray:
     v = np.array(area.v) - (np.array(area.v) @ u) * u
     v /= np.linalg.norm(v)
     return pose(np.column_stack([u, v, np.cross(u, v)]), area.origin_m)
+
+
+def area_of(settings: Settings) -> AreaSettings:
+    """The area of the configuration.
+
+    Raises
+    ------
+    ConfigError : there is none.
+    """
+    if settings.area is None:
+        raise ConfigError("nothing says where to scan", cure="add an [area] to the cell file")
+    return settings.area
 
 
 def outline_of(area: AreaSettings) -> Outline:

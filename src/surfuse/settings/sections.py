@@ -18,6 +18,7 @@ from surfuse import registry
 from surfuse.errors import ConfigError, nearest
 from surfuse.runs.configuration import RUN_TABLE, read_configuration
 from surfuse.runs.toml_file import parse_toml
+from surfuse.settings.rig_tables import AreaSettings, SensorSettings
 
 _SHOWN = 80  # characters of a wrong value that a message repeats
 _PARAMETER_PLACE = 4  # fusion.parameters.METHOD.KEY
@@ -226,6 +227,9 @@ class FusionSettings(Section):
     )
 
 
+Sensors = Annotated[tuple[SensorSettings, ...], Field(strict=False, max_length=64)]
+
+
 class Settings(Section):
     """The whole configuration."""
 
@@ -242,6 +246,8 @@ class Settings(Section):
     air: AirSettings = AirSettings()
     scan: ScanSettings = ScanSettings()
     fusion: FusionSettings = FusionSettings()
+    sensor: Sensors = Field((), description="sensors of a real rig, one table each")
+    area: AreaSettings | None = Field(None, description="where a real rig scans; default: a camera looks for it")
 
     @property
     def pings(self) -> int:

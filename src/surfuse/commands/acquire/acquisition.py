@@ -7,20 +7,21 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 from subprocess import Popen
 
-from surfuse.commands.acquire.locating import finder, locate
-from surfuse.commands.acquire.plan_and_walk import go_to_start, plan_for, scene_of, smooth_walk, walk
-from surfuse.commands.acquire.results import Finished, bus_event, finish, outcome_of, statuses
+from surfuse.commands.acquire.job import Job
+from surfuse.commands.acquire.locating import LocatedPart, finder, locate
+from surfuse.commands.acquire.planning import plan_for, scene_of
+from surfuse.commands.acquire.results import Finished, Scanned, bus_event, finish, outcome_of, statuses
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
+from surfuse.commands.acquire.walking import walk
 from surfuse.commands.acquire.warm_up import wait_for, warm_up_beside
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, Watcher
-from surfuse.errors import DataError, DeviceError, InterruptError, SafetyStopError, StorageError
-from surfuse.interfaces import FusionMethod
+from surfuse.errors import ConfigError, DataError, DeviceError, InterruptError, SafetyStopError, StorageError
 from surfuse.records import FusionScene, ScanPlan, Sweep
+from surfuse.rig.area import area_of, outline_of
 from surfuse.rig.devices import Rig
 from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.runs.configuration import read_configuration, write_configuration
@@ -50,7 +51,7 @@ def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
         run = RunFolder.create(out or default_folder(settings.scene.name))
         with run.lock(), _resumable(run):
             write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
-            return outcome_of(_acquire(run, settings, rig, method, warm_up, watcher), run, began)
+            return outcome_of(_acquire(run, Job(settings, rig, method, watcher), warm_up), run, began)
 
 
 def resume(path: Path, watcher: Watcher) -> Outcome:
@@ -80,7 +81,7 @@ def resume(path: Path, watcher: Watcher) -> Outcome:
     with warm_up_beside(method.name) as warm_up:
         rig = simulated_rig(settings)
         with run.lock(), _resumable(run):
-            return outcome_of(_acquire(run, settings, rig, method, warm_up, watcher), run, began)
+            return outcome_of(_acquire(run, Job(settings, rig, method, watcher), warm_up), run, began)
 
 
 def _complete(run: RunFolder) -> Outcome:
@@ -131,38 +132,29 @@ def _from_anywhere(settings: Settings) -> Settings:
     return settings.model_copy(update=changed)
 
 
-def _acquire(
-    run: RunFolder,
-    settings: Settings,
-    rig: Rig,
-    method: FusionMethod,
-    warm_up: Popen[bytes] | None,
-    watcher: Watcher,
-) -> Finished:
+def _acquire(run: RunFolder, job: Job, warm_up: Popen[bytes] | None) -> Finished:
+    rig, watcher = job.rig, job.watcher
     for warning in rig.warnings:
         watcher.warn(warning)
     # Read before the writer opens: opening gives a killed segment its missing end.
     progress = read_progress(run.path)
     with rig.opened(), LogWriter(run.log) as log:
-        scene, plan, done = _begin(progress, settings, rig, log, watcher)
-        bring = partial(go_to_start, rig, settings, plan.outline, plan, should_stop=watcher.stop_requested)
+        scene, plan, done = _begin(progress, job, log)
         with _noted(log, rig):
-            state, sweeps, finished = walk(
-                rig, plan, scene, method, done, log, watcher, bring, smooth_walk(rig, settings)
-            )
+            walked = walk(job, plan, scene, done, log)
         if (trouble := bus_event(rig)) is not None:
             log.append_event(trouble)
-        if finished and (doubt := few_echoes(statuses(sweeps))) is not None:
+        complete = walked.complete(plan)
+        if complete and (doubt := few_echoes(statuses(walked.in_order()))) is not None:
             _tell(rig, log, watcher, "readings", doubt)
-        if finished:
+        if complete:
             wait_for(warm_up, watcher)
-    return finish(run, settings, method, state, scene, plan, sweeps, rig, watcher, complete=finished)
+    return finish(run, job, Scanned(walked.state, scene, plan, walked.in_order(), complete))
 
 
-def _begin(
-    progress: ScanProgress | None, settings: Settings, rig: Rig, log: LogWriter, watcher: Watcher
-) -> tuple[FusionScene, ScanPlan, tuple[Sweep, ...]]:
+def _begin(progress: ScanProgress | None, job: Job, log: LogWriter) -> tuple[FusionScene, ScanPlan, tuple[Sweep, ...]]:
     """Scene, plan and what is scanned already: from the log of an interrupted run, else by looking."""
+    rig, settings, watcher = job.rig, job.settings, job.watcher
     if progress is not None:
         log.append_scene(progress.scene)
         log.append_plan(progress.plan)
@@ -170,17 +162,34 @@ def _begin(
             rig.clock.advance(max(float(sweep.t_s.max()) for sweep in progress.done))
         log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, "resume", f"{len(progress.left)} stops are left"))
         return progress.scene, progress.plan, progress.done
-    part = locate(rig, settings, watcher)
-    plan = plan_for(rig, settings, part.outline, watcher)
-    scene = scene_of(rig, settings, part.outline, plan)
+    part = _located(job)
+    outline = part.outline if part is not None else outline_of(area_of(settings))
+    plan = plan_for(rig, settings, outline, watcher)
+    scene = scene_of(rig, settings, outline, plan)
     log.append_scene(scene)
-    for found in part.parts:
-        log.append_frame(found.frame)
-    log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, "search", f"part found after {part.pictures} pictures"))
+    if part is not None:
+        for found in part.parts:
+            log.append_frame(found.frame)
+        text = f"part found after {part.pictures} pictures"
+        log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, "search", text))
     log.append_plan(plan)
     for doubt in doubts(settings, rig.specs, plan):
         _tell(rig, log, watcher, "settings", doubt)
     return scene, plan, ()
+
+
+def _located(job: Job) -> LocatedPart | None:
+    """The part that the lookout finds; None where the area to scan is given.
+
+    Raises
+    ------
+    ConfigError : neither is there.
+    """
+    if job.settings.area is not None:
+        return None
+    if job.rig.lookout is None:
+        raise ConfigError("nothing says where to scan", cure="add an [area] to the cell file")
+    return locate(job.rig, job.settings, job.watcher)
 
 
 def _tell(rig: Rig, log: LogWriter, watcher: Watcher, source: str, doubt: str) -> None:

@@ -10,9 +10,9 @@ import numpy as np
 
 from surfuse.acquisition.search import FoundPart, SearchParameters, SearchResult, search
 from surfuse.commands.outcome import Watcher
-from surfuse.errors import DataError, InterruptError
+from surfuse.errors import ConfigError, DataError, InterruptError
 from surfuse.records import CameraFrame, Detection, Outline, Status
-from surfuse.rig.devices import Rig
+from surfuse.rig.devices import Lookout, Rig
 from surfuse.rig.mounts import world_from_shoulder
 from surfuse.settings import Settings
 from surfuse.vision.distance import ShoulderRange
@@ -54,6 +54,18 @@ def finder(settings: Settings) -> Callable[[CameraFrame], tuple[Detection, ...]]
     return lambda frame: find_parts(frame, parameters, ring)
 
 
+def lookout_of(rig: Rig) -> Lookout:
+    """What looks for the part.
+
+    Raises
+    ------
+    ConfigError : the rig has no camera on its shoulder.
+    """
+    if rig.lookout is None:
+        raise ConfigError("no camera looks for the part", cure="add an [area] to the cell file, or a camera")
+    return rig.lookout
+
+
 def locate(rig: Rig, settings: Settings, watcher: Watcher) -> LocatedPart:
     """Search, centre, threshold, dominant points, scale (paper, section 3.1).
 
@@ -62,9 +74,10 @@ def locate(rig: Rig, settings: Settings, watcher: Watcher) -> LocatedPart:
     DataError : no part was seen in a whole turn, or fewer than the one that is asked for.
     InterruptError : the watcher asked to stop; the arm has not moved since.
     """
+    lookout = lookout_of(rig)
     # Beyond half a turn each way the camera would see the same again.
-    lower = max(float(rig.arm.kinematics.lower_rad[0]), -np.pi)
-    upper = min(float(rig.arm.kinematics.upper_rad[0]), np.pi)
+    lower = max(float(lookout.arm.kinematics.lower_rad[0]), -np.pi)
+    upper = min(float(lookout.arm.kinematics.upper_rad[0]), np.pi)
     increment = np.radians(settings.search.increment_deg)
     watcher.stage("search", int((upper - lower) / increment) + 1)
     pictures = 0
@@ -76,7 +89,7 @@ def locate(rig: Rig, settings: Settings, watcher: Watcher) -> LocatedPart:
         rig.begin(SEARCH, pictures)
         pictures += 1
         watcher.advance()
-        return rig.look(joint1_rad)
+        return lookout.look(joint1_rad)
 
     every = settings.search.all_parts or settings.search.part > 1
     turn = SearchParameters(increment_rad=float(increment), all_parts=every)
@@ -122,9 +135,10 @@ def _outlined(
 ) -> LocatedPart:
     """Range of the centred part, dominant points, pixels to metres."""
     rig.begin(RANGE, 0)
-    echo = rig.ranger.fire()
-    place = world_from_shoulder(part.angle_rad) @ rig.shoulder_from_ranger
-    ranged = ShoulderRange(place[:3, 3], place[:3, 2], echo.range_m, rig.ranger.spec.sigma_m)
+    lookout = lookout_of(rig)
+    echo = lookout.ranger.fire()
+    place = world_from_shoulder(part.angle_rad) @ lookout.shoulder_from_ranger
+    ranged = ShoulderRange(place[:3, 3], place[:3, 2], echo.range_m, lookout.ranger.spec.sigma_m)
     outlined = outline_part(
         part.frame,
         part.detection,

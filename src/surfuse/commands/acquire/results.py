@@ -11,14 +11,14 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from surfuse import __version__
+from surfuse.commands.acquire.job import Job
 from surfuse.commands.acquire.settings_check import doubts
 from surfuse.commands.fuse.map_of_result import surface_of
 from surfuse.commands.judge.evaluation import edge_m, score_data, score_rows
 from surfuse.commands.maps.report import write_report
-from surfuse.commands.outcome import Outcome, Watcher, finite
+from surfuse.commands.outcome import Outcome, finite
 from surfuse.errors import DataError
 from surfuse.exporters import nc
-from surfuse.interfaces import FusionMethod
 from surfuse.plan.margin import margin_in_words
 from surfuse.records import FusionScene, Gap, IntArray, Outline, ScanPlan, SurfaceMap, Sweep
 from surfuse.rig.devices import Rig, Truth
@@ -53,63 +53,51 @@ def bus_event(rig: Rig) -> LogEvent | None:
     return LogEvent(rig.clock.now_s(), Level.WARN, "bus", text)
 
 
-def finish(
-    run: RunFolder,
-    settings: Settings,
-    method: FusionMethod,
-    state: object,
-    scene: FusionScene,
-    plan: ScanPlan,
-    sweeps: list[Sweep],
-    rig: Rig,
-    watcher: Watcher,
-    *,
-    complete: bool,
-) -> Finished:
+@dataclass(frozen=True)
+class Scanned:
+    """What a walk leaves: the state of the fusion, what it knew, the plan, the sweeps in the order of their stops.
+
+    `complete` says that no stop that could be reached is left.
+    """
+
+    state: object
+    scene: FusionScene
+    plan: ScanPlan
+    sweeps: list[Sweep]
+    complete: bool
+
+
+def finish(run: RunFolder, job: Job, scanned: Scanned) -> Finished:
     """Map, score, summary and report of a finished scan; of an unfinished one only what is needed to say so.
 
     Raises
     ------
     DataError : the scan is finished and everything is written, but not one cell of the map has a value.
     """
-    robot_s = rig.clock.now_s()
-    data: dict[str, object] = {
-        "surfuse": __version__,
-        "scene": settings.scene.name,
-        "method": method.name,
-        "seed": settings.seed,
-        "complete": complete,
-        "stops": len(sweeps),
-        "stops_planned": len(plan),
-        "stops_skipped": len(plan.skipped),
-        "margin_mm": 1e3 * plan.outline.margin_m,
-        "outline_sigma_mm": None if scene.outline is None else 1e3 * float(scene.outline.sigma_m.max()),
-        "robot_time_s": robot_s,
-        "bus": None if rig.counters is None else asdict(rig.counters()),
-    }
-    if not complete:
+    data = _counted(job, scanned)
+    plan, sweeps = scanned.plan, scanned.sweeps
+    if not scanned.complete:
         return Finished(data, [("stops done", f"{len(sweeps)} of {len(plan)}")], complete=False)
-    watcher.stage("map")
-    grid = lattice(plan.uv_m, scene.world_from_part)
-    result = method.finish(state, grid)
-    surface = surface_of(result, grid, method.name, scene.outline)
+    job.watcher.stage("map")
+    grid = lattice(plan.uv_m, scanned.scene.world_from_part)
+    result = job.method.finish(scanned.state, grid)
+    surface = surface_of(result, grid, job.method.name, scanned.scene.outline)
     nc.write(run.surface, surface, overwrite=True, points=result.points)
     few = few_echoes(statuses(sweeps))
-    data["warnings"] = [*rig.warnings, *doubts(settings, rig.specs, plan), *([] if few is None else [few])]
+    doubted = doubts(job.settings, job.rig.specs, plan)
+    data["warnings"] = [*job.rig.warnings, *doubted, *([] if few is None else [few])]
     gaps = int((result.points.gap != int(Gap.NONE)).sum())
     rows = []
-    if rig.truth is not None:
-        rows = _score(run, surface, _of_scanned_part(rig.truth, scene.outline), data)
+    if job.rig.truth is not None:
+        rows = _score(run, surface, _of_scanned_part(job.rig.truth, scanned.scene.outline), data)
     data["gaps"] = gaps
     rows += [
-        ("stops", f"{len(sweeps)} scanned, {len(plan.skipped)} left out"),
-        *_margin_row(settings, scene, plan),
+        ("stops", f"{len(sweeps)} scanned, {len(plan.skipped) + len(plan) - len(sweeps)} left out"),
+        *_margin_row(job.settings, scanned.scene, plan),
         ("gaps", f"{gaps} stops without a value"),
-        ("robot time", f"{robot_s:.0f} s"),
+        ("robot time", f"{data['robot_time_s']:.0f} s"),
     ]
-    run.write_text(run.summary, json.dumps(finite(data), indent=2) + "\n")
-    watcher.stage("report")
-    write_report(run, run.report, overwrite=True)
+    _write(run, job, data)
     if not surface.mask.any():
         raise DataError(
             f"the scan is complete, but none of its {len(sweeps)} stops gave a value",
@@ -119,13 +107,39 @@ def finish(
     return Finished(data, rows, complete=True)
 
 
+def _counted(job: Job, scanned: Scanned) -> dict[str, object]:
+    """What is known of a scan before its map."""
+    settings, rig, plan, outline = job.settings, job.rig, scanned.plan, scanned.scene.outline
+    return {
+        "surfuse": __version__,
+        "scene": settings.scene.name,
+        "method": job.method.name,
+        "seed": settings.seed,
+        "complete": scanned.complete,
+        "stops": len(scanned.sweeps),
+        "stops_planned": len(plan),
+        "stops_skipped": len(plan.skipped),
+        "margin_mm": 1e3 * plan.outline.margin_m,
+        "outline_sigma_mm": None if outline is None else 1e3 * float(outline.sigma_m.max()),
+        "robot_time_s": rig.clock.now_s(),
+        "bus": None if rig.counters is None else asdict(rig.counters()),
+    }
+
+
+def _write(run: RunFolder, job: Job, data: dict[str, object]) -> None:
+    """Summary and report."""
+    run.write_text(run.summary, json.dumps(finite(data), indent=2) + "\n")
+    job.watcher.stage("report")
+    write_report(run, run.report, overwrite=True)
+
+
 def statuses(sweeps: Sequence[Sweep]) -> IntArray:
     """Status (N,) of all readings."""
     return np.concatenate([sweep.status for sweep in sweeps]) if sweeps else np.zeros(0, dtype=np.int64)
 
 
 def _margin_row(settings: Settings, scene: FusionScene, plan: ScanPlan) -> list[tuple[str, str]]:
-    if scene.outline is None:
+    if scene.outline is None or settings.area is not None:
         return []
     return [("margin", margin_in_words(scene.outline, plan.outline.margin_m, settings.scan.margin_m is not None))]
 

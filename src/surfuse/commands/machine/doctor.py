@@ -116,8 +116,8 @@ def _reach(built: Rig, chosen: settings.Settings) -> list[Check]:
 def _fusion(built: Rig, chosen: settings.Settings, outline: Outline, plan: ScanPlan) -> list[Check]:
     """One sweep of the array, through the whole fusion; all that a scan and its report need is compiled, once."""
     compile_fusion(chosen.fusion.method)
-    built.arm.move_to(plan.joints_rad[len(plan) // 2])
-    sweep = take_sweep(0, 0, built.arm.joint_state(), built.arm.kinematics, built.array)
+    standing = built.stop_arm.go_to(plan, len(plan) // 2)
+    sweep = take_sweep(0, 0, standing, built.array)
     method = create_method(chosen.fusion)
     scene = scene_of(built, chosen, outline, plan)
     state = method.start(scene)

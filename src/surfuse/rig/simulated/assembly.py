@@ -22,10 +22,10 @@ from surfuse.rig.description import (
     shoulder_spec,
     square_fixture,
 )
-from surfuse.rig.devices import Rig, SmoothMotion, Truth
+from surfuse.rig.devices import JointMotion, Lookout, Rig, SmoothMotion, Truth
 from surfuse.rig.mounts import world_from_shoulder
 from surfuse.rig.node_array import ArrayElsewhere, ArrayInProcess, elsewhere, in_process
-from surfuse.rig.simulated.arm import arm_in_cell
+from surfuse.rig.simulated.arm import ArmInCell, arm_in_cell
 from surfuse.sensors import simulated as simulated_sensor
 from surfuse.settings import NO_BUS, Settings
 from surfuse.twin.acoustics.air import AirParameters
@@ -72,13 +72,6 @@ def simulated_rig(settings: Settings) -> Rig:
     fixture = square_fixture(settings)
     mover = arm_in_cell(settings, fixture, world, clock)
     arm = mover.arm
-    camera_place = camera_mount(settings).shoulder_from_device
-    ranger_place = ranger_mount(settings).shoulder_from_device
-
-    def on_shoulder(place: FloatArray) -> FloatArray:
-        placed: FloatArray = world_from_shoulder(float(arm.true_joints_rad[0])) @ place
-        return placed
-
     sensors = array_sensors(settings, fixture, world, arm.true_tool_pose, clock)
     stop = _Stop()
 
@@ -92,24 +85,36 @@ def simulated_rig(settings: Settings) -> Rig:
 
     together = fired_together(settings, fixture, world, arm.true_tool_pose, clock)
     array = _array(settings, fixture, sensors, together, clock, place)
-    truth = Truth(*part.mesh())
     return Rig(
         clock=clock,
-        arm=arm,
+        array=array,
+        motion=JointMotion(
+            arm, mover.clearance, mover.model.link_poses, mover.guard.surround, SmoothMotion(arm, mover.line_planner)
+        ),
+        lookout=_lookout(settings, mover, world, clock),
+        begin=begin,
+        truth=Truth(*part.mesh()),
+        warnings=part.warnings,
+        counters=(lambda: array.counters) if isinstance(array, ArrayInProcess | ArrayElsewhere) else None,
+    )
+
+
+def _lookout(settings: Settings, mover: ArmInCell, world: Twin, clock: Clock) -> Lookout:
+    """Camera and ranger on the shoulder, wherever joint 1 truly is."""
+    camera_place = camera_mount(settings).shoulder_from_device
+    ranger_place = ranger_mount(settings).shoulder_from_device
+
+    def on_shoulder(place: FloatArray) -> FloatArray:
+        placed: FloatArray = world_from_shoulder(float(mover.arm.true_joints_rad[0])) @ place
+        return placed
+
+    return Lookout(
+        arm=mover.arm,
         camera=_camera(settings, world, clock, partial(on_shoulder, camera_place)),
         ranger=_ranger(settings, world, clock, partial(on_shoulder, ranger_place)),
-        array=array,
         ready_rad=mover.model.ready_rad,
         shoulder_from_camera=camera_place,
         shoulder_from_ranger=ranger_place,
-        clearance=mover.clearance,
-        link_poses=mover.model.link_poses,
-        begin=begin,
-        truth=truth,
-        warnings=part.warnings,
-        counters=(lambda: array.counters) if isinstance(array, ArrayInProcess | ArrayElsewhere) else None,
-        smooth=SmoothMotion(arm, mover.line_planner),
-        surround=mover.guard.surround,
     )
 
 

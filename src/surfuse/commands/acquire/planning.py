@@ -1,0 +1,125 @@
+"""From the outline to the plan: margin, raster, reach and clearance of every stop, before the arm moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from surfuse.commands.outcome import Watcher
+from surfuse.errors import DataError
+from surfuse.geometry.poses import inverse
+from surfuse.motion.obstacles import Floor, Obstacle, RingTable, part_box
+from surfuse.plan.advice import BELOW, way_to_move, where_and_why
+from surfuse.plan.pose_plan import pose_plan
+from surfuse.plan.reach import ReachParameters
+from surfuse.plan.scan_plan import PlanParameters, scan_plan, skipped_by_kind
+from surfuse.records import BoolArray, FloatArray, FusionScene, Outline, ScanPlan
+from surfuse.rig.devices import JointMotion, Rig
+from surfuse.settings import Settings
+
+STOP = "stop"
+_SWEEP_SHARE = 0.95  # of the time between two stops that a sweep may take: triggers are never quite on time
+
+
+def plan_for(rig: Rig, settings: Settings, outline: Outline, watcher: Watcher) -> ScanPlan:
+    """Margin, raster, reach and clearance of every stop, before the arm moves.
+
+    Raises
+    ------
+    DataError : not one stop can be visited; the reasons are counted.
+    """
+    watcher.stage("plan")
+    parameters = PlanParameters(settings.step_m, settings.scan.standoff_m, settings.scan.margin_m)
+    if rig.motion is None:
+        plan = _plan_of_poses(rig, outline, parameters)
+    else:
+        plan = _plan_of_joints(rig.motion, settings, outline, parameters)
+    if len(plan) == 0:
+        reasons = "; ".join(f"{count} {kind}" for kind, count in skipped_by_kind(plan)) or "the outline is empty"
+        raise DataError(
+            f"not one of {len(plan.skipped)} stops can be visited ({reasons})",
+            cure=_how_to_move(plan, rig, settings) or _other_place(settings),
+        )
+    for kind, count in skipped_by_kind(plan):
+        where = "" if kind == BELOW else f" ({where_and_why(plan.skipped, kind)})"
+        watcher.warn(f"{count} of {count + len(plan)} stops are left out: {kind}{where}")
+    if any(kind != BELOW for kind, _ in skipped_by_kind(plan)) and (advice := _how_to_move(plan, rig, settings)):
+        watcher.warn(f"to reach all stops {advice}")
+    return plan
+
+
+def _plan_of_joints(motion: JointMotion, settings: Settings, outline: Outline, parameters: PlanParameters) -> ScanPlan:
+    start = motion.arm.joint_state().position_rad
+    check = None if motion.clearance is None else motion.clearance(obstacles(settings, outline))
+    limits = ReachParameters(clearance_min_m=settings.arm.clearance_m)
+    if settings.area is not None:
+        # The area is given, so nothing but a given margin enlarges it, and it may reach below v = 0.
+        parameters = replace(parameters, margin_m=parameters.margin_m or 0.0, lowest_v_m=-np.inf)
+    return scan_plan(outline, motion.arm.kinematics, start, check, parameters, limits)
+
+
+def _plan_of_poses(rig: Rig, outline: Outline, parameters: PlanParameters) -> ScanPlan:
+    assert rig.poses is not None
+    grip_from_tool = inverse(rig.tool_from_grip)
+    arm = rig.poses
+    here = arm.tool_state().world_from_tool @ rig.tool_from_grip
+
+    def reachable(world_from_grip: FloatArray) -> BoolArray:
+        return arm.reachable(world_from_grip @ grip_from_tool)
+
+    return pose_plan(outline, reachable, here, parameters)
+
+
+def _other_place(settings: Settings) -> str:
+    if settings.area is not None:
+        return "check the frame and the size of [area], the places of the sensors, or change scan.standoff_m"
+    return "move the part (scene.radius_m, scene.azimuth_deg) or change scan.standoff_m"
+
+
+def _how_to_move(plan: ScanPlan, rig: Rig, settings: Settings) -> str:
+    """Where the arm would reach the whole part; empty where no such place is near, or the part cannot be moved."""
+    if rig.motion is None or rig.motion.clearance is None or settings.area is not None:
+        return ""
+    arm, clearance = rig.motion.arm, rig.motion.clearance
+    here, limits = arm.joint_state().position_rad, ReachParameters(clearance_min_m=settings.arm.clearance_m)
+    move = way_to_move(plan, arm.kinematics, here, lambda outline: clearance(obstacles(settings, outline)), limits)
+    if move is None:
+        return ""
+    scene, keys = settings.scene, []
+    if move.shift_m:
+        keys.append(f"scene.radius_m = {scene.radius_m + move.shift_m:.2f}")
+    if move.turn_rad:
+        keys.append(f"scene.yaw_deg = {scene.yaw_deg + np.degrees(move.turn_rad):.0f}")
+    return f"{move.describe()} ({', '.join(keys)}), or change scan.standoff_m"
+
+
+def obstacles(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]:
+    """What stands around the arm: floor, table, and a box around the part; of a real rig with a given area none."""
+    if settings.area is not None:
+        return ()
+    table = settings.cell
+    ring = RingTable(table.table_height_m, table.table_inner_radius_m, table.table_outer_radius_m)
+    return Floor(), ring, part_box(outline)
+
+
+def scene_of(rig: Rig, settings: Settings, outline: Outline, plan: ScanPlan) -> FusionScene:
+    """What fusion knows: sensors, part frame, the outline as seen, and the table's outer edge as the deepest range.
+
+    Around a given area there is no such edge.
+    """
+    edge_m = _to_outer_edge(plan, settings.cell.table_outer_radius_m) if settings.area is None else float("inf")
+    return FusionScene(
+        specs=rig.specs,
+        world_from_part=outline.world_from_part,
+        outline=replace(outline, margin_m=0.0),
+        depth_max_m=edge_m,
+    )
+
+
+def _to_outer_edge(plan: ScanPlan, radius_m: float) -> float:
+    """Largest distance along a grip axis to the cylinder of the table's outer edge."""
+    start, axis = plan.world_from_grip[:, :2, 3], plan.world_from_grip[:, :2, 2]
+    along = np.einsum("ij,ij->i", start, axis)
+    across = np.einsum("ij,ij->i", start, start) - along**2
+    return float(np.max(np.sqrt(np.maximum(radius_m**2 - across, 0.0)) - along))
