@@ -137,7 +137,8 @@ class Echo:
     """The answer of one sensor to one trigger: the mean of several pings, already averaged by the node.
 
     `amplitude` is the strength of the echo (1: a facing plate; nan: unknown), `spread_m` the standard deviation
-    of the pings that agreed, `count` how many they were, `t_s` the moment of the first emission.
+    of the pings that agreed, `count` how many they were, `t_s` the moment of the first emission, `sigma_m` the standard
+    deviation that the device itself states (nan: none, the spec's holds).
     """
 
     range_m: float
@@ -146,6 +147,7 @@ class Echo:
     amplitude: float = float("nan")
     spread_m: float = float("nan")
     count: int = 1
+    sigma_m: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,7 +92,7 @@ class Rig:
     The arm takes joints (`motion`), with the grip as its tool, or poses (`poses`), with the grip at `tool_from_grip`
     (4, 4) on its tool. `lookout` finds the part (None: the area to scan is given). `begin` tells a twin which stop
     comes next. `truth` is None in a real rig. `counters` counts what happened on the bus between host and array (None:
-    there is no bus).
+    there is no bus). `simulated`: time passes only when the devices say so.
     """
 
     clock: Clock
@@ -105,6 +105,7 @@ class Rig:
     truth: Truth | None = None
     warnings: tuple[str, ...] = ()
     counters: Callable[[], BusCounters] | None = None
+    simulated: bool = False
 
     def __post_init__(self) -> None:
         if (self.motion is None) == (self.poses is None):

@@ -12,17 +12,20 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Literal, Self, get_args
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from surfuse import registry
 from surfuse.errors import ConfigError, nearest
+from surfuse.geometry.sensor_array import step_m as array_step_m
 from surfuse.runs.configuration import RUN_TABLE, read_configuration
 from surfuse.runs.toml_file import parse_toml
-from surfuse.settings.rig_tables import AreaSettings, SensorSettings
+from surfuse.settings.rig_tables import AreaSettings, SensorSettings, Value, own_keys
 
 _SHOWN = 80  # characters of a wrong value that a message repeats
 _PARAMETER_PLACE = 4  # fusion.parameters.METHOD.KEY
 NO_BUS = "none"
+SIMULATED_DRIVERS = ("trident", "kinematic", "simulated")
 BUS_PINGS_LIMIT = 31  # the count of a reading has five bits on the bus
 
 Length = Annotated[float, Field(gt=0.0, le=10.0)]
@@ -63,9 +66,10 @@ class ArmSettings(Section):
     name: str = Field("puma560", description="the built-in arm; `file` gives another one")
     file: str | None = Field(None, description="MJCF or URDF file of another arm")
     tool: str | None = Field(None, description="site, body or link of that file that carries the array; z along beams")
-    driver: Literal["trident", "kinematic"] | None = Field(
+    driver: str | None = Field(
         None,
-        description="trident: servo cards and dynamics (default of the PUMA 560); kinematic: no dynamics, for speed",
+        description="trident: servo cards and dynamics (default of the PUMA 560); kinematic or simulated: no dynamics, "
+        "for speed; of a real rig: bridge, ur_rtde, ...",
     )
     law: str = Field(
         "computed_torque",
@@ -95,6 +99,25 @@ class ArmSettings(Section):
         1.0, gt=0.0, le=5.0, description="of the array; faster moves are slowed, faster passes refused"
     )
 
+    world_from_base: list[float] | None = Field(
+        None, description="where a real arm of a file stands: pose of its base, 4 x 4 row by row; default: the world"
+    )
+    parameters: dict[str, Value] = Field({}, description="further keys: the fields of a real driver's Parameters")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _gather(cls, values: object) -> object:
+        driver = values.get("driver") if isinstance(values, dict) else None
+        return own_keys(cls, values) if isinstance(driver, str) and driver not in SIMULATED_DRIVERS else values
+
+    @field_validator("driver")
+    @classmethod
+    def _is_a_driver(cls, driver: str | None) -> str | None:
+        known = (*SIMULATED_DRIVERS, *(name for name in registry.names("arms") if name != "recorded"))
+        if driver is not None and driver not in known:
+            raise ConfigError(f"arm.driver = '{driver}'", cure=nearest(driver, known))
+        return driver
+
     @field_validator("law")
     @classmethod
     def _is_known(cls, law: str) -> str:
@@ -105,7 +128,14 @@ class ArmSettings(Section):
     @property
     def driven_by(self) -> Literal["trident", "kinematic"]:
         """The driver: the servo cards unless set, or unless the arm is that of a file."""
-        return self.driver or ("trident" if self.file is None else "kinematic")
+        if self.driver is None:
+            return "trident" if self.file is None else "kinematic"
+        return "trident" if self.driver == "trident" else "kinematic"
+
+    @property
+    def is_real(self) -> bool:
+        """Whether the driver is that of a real rig."""
+        return self.driver is not None and self.driver not in SIMULATED_DRIVERS
 
 
 class CameraSettings(Section):
@@ -254,6 +284,15 @@ class Settings(Section):
         """Emissions averaged for one reading of the array."""
         return self.array.pings if self.scan.mode == "stops" else self.scan.pings
 
+    @field_validator("sensor")
+    @classmethod
+    def _names_differ(cls, sensors: tuple[SensorSettings, ...]) -> tuple[SensorSettings, ...]:
+        names = [sensor.name for sensor in sensors]
+        for name in names:
+            if names.count(name) > 1:
+                raise ConfigError(f"two sensors are called '{name}'", cure="give every [[sensor]] a name of its own")
+        return sensors
+
     @model_validator(mode="after")
     def _can_be_told_where_it_is(self) -> Self:
         if self.scan.mode == "smooth" and self.bus.interface not in (NO_BUS, "virtual"):
@@ -277,7 +316,11 @@ class Settings(Section):
     @property
     def step_m(self) -> float:
         """Distance between stops: `s = ds / 5` unless set (paper, section 3.2)."""
-        return self.scan.step_m if self.scan.step_m is not None else self.array.side_m / 5.0
+        if self.scan.step_m is not None:
+            return self.scan.step_m
+        if self.sensor:
+            return array_step_m(np.array([s.position_m for s in self.sensor]), np.array([s.axis for s in self.sensor]))
+        return self.array.side_m / 5.0
 
 
 def load(

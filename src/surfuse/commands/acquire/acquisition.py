@@ -22,8 +22,8 @@ from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.errors import ConfigError, DataError, DeviceError, InterruptError, SafetyStopError, StorageError
 from surfuse.records import FusionScene, ScanPlan, Sweep
 from surfuse.rig.area import area_of, outline_of
+from surfuse.rig.assembled import assembled
 from surfuse.rig.devices import Rig
-from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.runs.configuration import read_configuration, write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
@@ -46,7 +46,7 @@ def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
     watcher.stage("start")
     method = create_method(settings.fusion)
     with warm_up_beside(method.name) as warm_up:
-        rig = simulated_rig(settings)
+        rig = assembled(settings)
         refuse_contradictions(settings, rig.specs)
         run = RunFolder.create(out or default_folder(settings.scene.name))
         with run.lock(), _resumable(run):
@@ -79,7 +79,7 @@ def resume(path: Path, watcher: Watcher) -> Outcome:
     watcher.stage("start")
     method = create_method(settings.fusion)
     with warm_up_beside(method.name) as warm_up:
-        rig = simulated_rig(settings)
+        rig = assembled(settings)
         with run.lock(), _resumable(run):
             return outcome_of(_acquire(run, Job(settings, rig, method, watcher), warm_up), run, began)
 
@@ -125,10 +125,13 @@ def _noted(log: LogWriter, rig: Rig) -> Iterator[None]:
 
 def _from_anywhere(settings: Settings) -> Settings:
     """The same with the whole paths of mesh and arm files, so that a resume may start in another folder."""
-    mesh, arm = Path(settings.scene.name), settings.arm
+    mesh, arm, area = Path(settings.scene.name), settings.arm, settings.area
     scene = {"name": str(mesh.resolve())} if mesh.is_file() else {}
     file = {} if arm.file is None else {"file": str(Path(arm.file).resolve())}
-    changed = {"scene": settings.scene.model_copy(update=scene), "arm": arm.model_copy(update=file)}
+    changed: dict[str, object] = {"scene": settings.scene.model_copy(update=scene), "arm": arm.model_copy(update=file)}
+    if area is not None:
+        files = {key: str(Path(name).resolve()) for key in ("outline", "mesh") if (name := getattr(area, key))}
+        changed["area"] = area.model_copy(update=files)
     return settings.model_copy(update=changed)
 
 
@@ -158,7 +161,7 @@ def _begin(progress: ScanProgress | None, job: Job, log: LogWriter) -> tuple[Fus
     if progress is not None:
         log.append_scene(progress.scene)
         log.append_plan(progress.plan)
-        if progress.done:
+        if progress.done and rig.simulated:
             rig.clock.advance(max(float(sweep.t_s.max()) for sweep in progress.done))
         log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, "resume", f"{len(progress.left)} stops are left"))
         return progress.scene, progress.plan, progress.done

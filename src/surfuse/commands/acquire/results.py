@@ -112,7 +112,7 @@ def _counted(job: Job, scanned: Scanned) -> dict[str, object]:
     settings, rig, plan, outline = job.settings, job.rig, scanned.plan, scanned.scene.outline
     return {
         "surfuse": __version__,
-        "scene": settings.scene.name,
+        "scene": settings.scene.name if rig.simulated else None,
         "method": job.method.name,
         "seed": settings.seed,
         "complete": scanned.complete,
@@ -121,9 +121,16 @@ def _counted(job: Job, scanned: Scanned) -> dict[str, object]:
         "stops_skipped": len(plan.skipped),
         "margin_mm": 1e3 * plan.outline.margin_m,
         "outline_sigma_mm": None if outline is None else 1e3 * float(outline.sigma_m.max()),
-        "robot_time_s": rig.clock.now_s(),
+        "robot_time_s": rig.clock.now_s() if rig.simulated else _duration_s(scanned.sweeps),
         "bus": None if rig.counters is None else asdict(rig.counters()),
     }
+
+
+def _duration_s(sweeps: Sequence[Sweep]) -> float:
+    """From the first to the last reading of a real rig; breaks between parts of the scan count."""
+    times = np.concatenate([sweep.t_s for sweep in sweeps]) if sweeps else np.zeros(0)
+    times = times[np.isfinite(times)]
+    return float(np.ptp(times)) if len(times) else 0.0
 
 
 def _write(run: RunFolder, job: Job, data: dict[str, object]) -> None:

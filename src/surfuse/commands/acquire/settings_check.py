@@ -46,15 +46,23 @@ def refuse_contradictions(settings: Settings, specs: Sequence[SensorSpec]) -> No
 def doubts(settings: Settings, specs: Sequence[SensorSpec], plan: ScanPlan) -> tuple[str, ...]:
     """One sentence, with value, limit and cure, for everything about a planned scan that is doubtful."""
     standoff_m = settings.scan.standoff_m
-    found = [
-        *_near_limit(settings, specs),
-        *_beam_and_part(settings, specs, plan.outline, standoff_m),
-        *_table_edge(settings, specs, plan),
-        *_air(settings, standoff_m),
-        *_disturbing(settings),
-        *unused(settings),
-    ]
+    found = [*_near_limit(settings, specs), *_beam_and_part(settings, specs, plan.outline, standoff_m)]
+    if settings.arm.is_real:
+        return tuple(found + _tallest(settings))
+    found += [*_table_edge(settings, specs, plan), *_air(settings, standoff_m), *_disturbing(settings)]
+    found += unused(settings)
     return tuple(found)
+
+
+def _tallest(settings: Settings) -> list[str]:
+    """Of a real rig: what stands in the way of the sensors where they travel."""
+    tallest_m = None if settings.area is None else settings.area.tallest_m
+    if tallest_m is None or tallest_m < settings.scan.standoff_m - _ROOM_M:
+        return []
+    return [
+        f"area.tallest_m = {tallest_m:g} leaves {1e3 * (settings.scan.standoff_m - tallest_m):.0f} mm to the sensors "
+        f"at scan.standoff_m = {settings.scan.standoff_m:g}: give a standoff above {tallest_m + _ROOM_M:.2f}"
+    ]
 
 
 def _near_limit(settings: Settings, specs: Sequence[SensorSpec]) -> list[str]:

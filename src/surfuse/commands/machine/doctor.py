@@ -20,8 +20,8 @@ from surfuse.errors import SurfuseError
 from surfuse.extras import EXTRAS, Extra
 from surfuse.geometry.kernel_folder import kernel_folder
 from surfuse.records import Outline, ScanPlan, Status
+from surfuse.rig.assembled import assembled
 from surfuse.rig.devices import Rig
-from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.surface.gridding import lattice
 
 _CORE = ("numpy", "scipy", "numba", "embreex", "trimesh", "opencv-python-headless", "mcap", "h5netcdf", "viser")
@@ -89,7 +89,7 @@ def _cell(rig: Path | None, assignments: list[str]) -> list[Check]:
     """Configuration, part and reach; each step needs the one before."""
     try:
         chosen = settings.load(rig, assignments)
-        built = simulated_rig(chosen)
+        built = assembled(chosen)
         refuse_contradictions(chosen, built.specs)
     except SurfuseError as error:
         return [("configuration", str(error), False)]

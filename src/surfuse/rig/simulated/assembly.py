@@ -93,6 +93,7 @@ def simulated_rig(settings: Settings) -> Rig:
         ),
         lookout=_lookout(settings, mover, world, clock),
         begin=begin,
+        simulated=True,
         truth=Truth(*part.mesh()),
         warnings=part.warnings,
         counters=(lambda: array.counters) if isinstance(array, ArrayInProcess | ArrayElsewhere) else None,

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.spatial.distance import pdist, squareform
 
 from surfuse.errors import ConfigError
-from surfuse.geometry.poses import inverse, pose
-from surfuse.records import FloatArray
+from surfuse.geometry.poses import FloatArray, inverse, pose
 
 SINGLE_STEP_M = 0.01
 """Distance between stops for a rig of one sensor."""
 
 _SAME_PLACE_M = 1e-4
-_LOOKS_BACK = 0.0
 
 
 def tool_from_sensors(position_m: FloatArray, axis: FloatArray) -> FloatArray:
@@ -40,7 +36,7 @@ def tool_from_grip(position_m: FloatArray, axis: FloatArray) -> FloatArray:
             f"the sensors look in different directions (their mean axis has the length {length:.2f})",
             cure="give axes that point at the part, roughly along the tool's z",
         )
-    if mean[2] <= _LOOKS_BACK:
+    if mean[2] <= 0.0:
         raise ConfigError(
             f"the sensors look along {np.round(mean / length, 2).tolist()} in the frame of the tool: back at it",
             cure="z of the tool points along the beams: turn the axes, or the tool frame of the arm",
@@ -68,13 +64,6 @@ def step_m(position_m: FloatArray, axis: FloatArray) -> float:
     """Distance between stops: a fifth of the sensors' spacing (paper, section 3.2), or that of a single sensor."""
     spacing = spacing_m(position_m, axis)
     return SINGLE_STEP_M if spacing is None else spacing / 5.0
-
-
-def refuse_twice(names: Sequence[str]) -> None:
-    """Raises ConfigError when two sensors share a name."""
-    for name in names:
-        if list(names).count(name) > 1:
-            raise ConfigError(f"two sensors are called '{name}'", cure="give every [[sensor]] a name of its own")
 
 
 def _turn(z: FloatArray) -> FloatArray:

@@ -1,0 +1,75 @@
+"""One bridge for arm and sensors: opened by the first that needs it, closed by the last."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from surfuse.bridge.client import BridgeClient, ClockOffset
+from surfuse.errors import DeviceError
+
+UNKNOWN_OFFSET = ClockOffset(0.0, float("inf"))
+
+
+class SharedBridge:
+    """A device that several devices open.
+
+    Its clock is that of the bridge, as far as this machine's can be brought to it: `offset` says how well.
+    """
+
+    def __init__(self, connect: Callable[[], BridgeClient]) -> None:
+        self._connect = connect
+        self._client: BridgeClient | None = None
+        self._users = 0
+        self.offset = UNKNOWN_OFFSET
+
+    def __enter__(self) -> Self:
+        if self._users == 0:
+            client = self._connect()
+            client.__enter__()
+            self._client = client
+            try:
+                self.offset = client.measure_clock()
+            except BaseException as error:
+                client.__exit__(type(error), error, error.__traceback__)
+                self._client = None
+                raise
+        self._users += 1
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._users -= 1
+        if self._users == 0 and self._client is not None:
+            client, self._client = self._client, None
+            client.__exit__(kind, error, trace)
+
+    @property
+    def client(self) -> BridgeClient:
+        """The conversation.
+
+        Raises
+        ------
+        DeviceError : it is not open.
+        """
+        if self._client is None:
+            raise DeviceError("the bridge is not open", cure="use it in a with block")
+        return self._client
+
+
+class BridgeClock:
+    """The bridge's clock, asked of this machine's."""
+
+    def __init__(self, bridge: SharedBridge) -> None:
+        self._bridge = bridge
+
+    def now_s(self) -> float:
+        """Seconds of the bridge, by this machine's clock and the offset measured when the bridge was opened."""
+        return time.monotonic() - self._bridge.offset.host_minus_bridge_s
+
+    def advance(self, duration_s: float) -> None:
+        """Wait."""
+        time.sleep(max(duration_s, 0.0))

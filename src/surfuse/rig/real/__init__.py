@@ -1,0 +1,1 @@
+"""The real rig, assembled from its cell file."""

@@ -1,0 +1,106 @@
+"""The real rig of a cell file: its arm, its sensors, its clock. Nothing is opened here, nothing moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from surfuse import registry
+from surfuse.arms import bridge as bridge_arm
+from surfuse.bridge.shared import BridgeClock, SharedBridge
+from surfuse.errors import ConfigError
+from surfuse.extras import needed_by
+from surfuse.geometry.poses import is_rigid
+from surfuse.geometry.sensor_array import tool_from_grip
+from surfuse.interfaces import MACHINE_CLOCK, Arm, Clock, PoseArm
+from surfuse.motion.arm_surroundings import ArmSurroundings
+from surfuse.motion.planners import slowed
+from surfuse.records import FloatArray
+from surfuse.rig.devices import JointMotion, Rig
+from surfuse.rig.real.joint_bridge import JointBridgeArm
+from surfuse.rig.real.sensors import array_of, places
+from surfuse.settings import Settings
+
+
+def real_rig(settings: Settings) -> Rig:
+    """The rig that the cell file describes.
+
+    Raises
+    ------
+    UsageError, ConfigError, DataError : a driver, a sensor, or the arm's file cannot be used as described.
+    """
+    bridge = _bridge(settings)
+    clock: Clock = MACHINE_CLOCK if bridge is None else BridgeClock(bridge)
+    array = array_of(settings.sensor, bridge, clock)
+    grip = tool_from_grip(*places(settings.sensor))
+    joints = _joint_arm(settings, grip, bridge, clock)
+    if joints is not None:
+        return Rig(clock=clock, array=array, motion=JointMotion(joints))
+    return Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge), tool_from_grip=grip)
+
+
+def _bridge(settings: Settings) -> SharedBridge | None:
+    """The bridge of the arm, shared with the sensors; None for an arm with a driver of its own."""
+    if settings.arm.driver != "bridge":
+        return None
+    return bridge_arm.shared_bridge(_bridge_parameters(settings, None))
+
+
+def _bridge_parameters(settings: Settings, bridge: SharedBridge | None) -> bridge_arm.Parameters:
+    surroundings = None if bridge is None else bridge_arm.Surroundings(bridge)
+    table = dict(settings.arm.parameters)
+    if "speed_share" not in table and settings.arm.speed_share < 1.0:
+        table["speed_share"] = settings.arm.speed_share
+    made = registry.parameters("arms", "bridge", table, "arm", surroundings)
+    assert isinstance(made, bridge_arm.Parameters)
+    return made
+
+
+def _pose_arm(settings: Settings, bridge: SharedBridge | None) -> PoseArm:
+    """An arm that is sent to poses."""
+    if bridge is not None:
+        return bridge_arm.create(_bridge_parameters(settings, bridge))
+    name = settings.arm.driver or ""
+    module = registry.load("arms", name)
+    made = module.create(registry.parameters("arms", name, settings.arm.parameters, "arm"))
+    if not isinstance(made, PoseArm):
+        raise ConfigError(
+            f"arm.driver = '{name}' takes joints, and nothing says what the arm is",
+            cure="give the arm's file: [arm] file = 'arm.urdf', tool = 'flange'",
+        )
+    return made
+
+
+def _joint_arm(settings: Settings, grip: FloatArray, bridge: SharedBridge | None, clock: Clock) -> Arm | None:
+    """An arm whose joints are commanded, with the model of its file; None without a file."""
+    own = settings.arm
+    if own.file is None:
+        return None
+    if own.tool is None:
+        raise ConfigError("no tool frame is named", cure="name the site, body or link: [arm] tool = 'flange'")
+    with needed_by("an arm file", own.file):
+        from surfuse.arm_models import model_file
+    limits = model_file.Parameters(np.radians(own.joint_speed_deg_s), np.radians(own.joint_acceleration_deg_s2))
+    model = model_file.create(Path(own.file), own.tool, _base(settings), grip, limits)
+    surroundings = ArmSurroundings(model, slowed(model.limits, own.speed_share), clock)
+    if bridge is not None:
+        return JointBridgeArm(bridge, surroundings, None if own.speed_share == 1.0 else own.speed_share)
+    name = own.driver or ""
+    made: Arm = registry.load("arms", name).create(
+        registry.parameters("arms", name, own.parameters, "arm", surroundings)
+    )
+    return made
+
+
+def _base(settings: Settings) -> FloatArray:
+    """Pose (4, 4) of the arm's base in the world."""
+    numbers = settings.arm.world_from_base
+    if numbers is None:
+        return np.eye(4)
+    if len(numbers) != 16 or not is_rigid(np.array(numbers).reshape(4, 4)):
+        raise ConfigError(
+            f"arm.world_from_base has {len(numbers)} numbers that are no rigid pose",
+            cure="give 16 numbers: a 4 x 4 pose, row by row, right-handed",
+        )
+    return np.array(numbers, dtype=np.float64).reshape(4, 4)
