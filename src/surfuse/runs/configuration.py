@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from surfuse.errors import ConfigError
 from surfuse.runs.toml_file import MAX_DEPTH, read_toml
 
 Value = str | int | float | bool
-Nested = Mapping[str, "Value | list[Value] | Nested | None"]
+Nested = Mapping[str, "Value | list[Value] | Nested | Sequence[Nested] | None"]
 
 FORMAT_VERSION = 1
 RUN_TABLE = "run"
@@ -47,9 +47,26 @@ def configuration_text(values: Nested, seed: int) -> str:
     run["packages"] = packages
     document[RUN_TABLE] = run
     for key, value in values.items():
-        if value is not None:
-            document[key] = _table(value, 1) if isinstance(value, Mapping) else value
+        if not _says_nothing(value):
+            document[key] = _item(value, 1)
     return tomlkit.dumps(document)
+
+
+def _says_nothing(value: object) -> bool:
+    """Whether a value is left out: none, and no tables of a list."""
+    return value is None or (isinstance(value, list | tuple) and not value)
+
+
+def _item(value: object, depth: int) -> object:
+    """A value, a table, or a list of tables, as the writer takes it."""
+    if isinstance(value, Mapping):
+        return _table(value, depth)
+    if isinstance(value, list | tuple) and any(isinstance(one, Mapping) for one in value):
+        tables = tomlkit.aot()
+        for one in value:
+            tables.append(_table(one, depth))
+        return tables
+    return value
 
 
 def _table(values: Nested, depth: int) -> TomlTable:
@@ -58,7 +75,7 @@ def _table(values: Nested, depth: int) -> TomlTable:
     table = tomlkit.table()
     for key, value in values.items():
         if value is not None:
-            table[key] = _table(value, depth + 1) if isinstance(value, Mapping) else value
+            table[key] = _item(value, depth + 1)
     return table
 
 
