@@ -202,8 +202,10 @@ class PoseArm(Device, Protocol):
     def reachable(self, world_from_tool: FloatArray) -> BoolArray:
         """Which of the poses (N, 4, 4) the arm can take: (N,); all of them when it cannot tell."""
 
-    def move_to_pose(self, world_from_tool: FloatArray) -> ToolState:
+    def move_to_pose(self, world_from_tool: FloatArray, speed_share: float | None = None) -> ToolState:
         """Go to a pose (4, 4), settle, and return the state as reached.
+
+        `speed_share` in (0, 1] of the arm's own speed; None: the one that it is set to.
 
         Raises
         ------

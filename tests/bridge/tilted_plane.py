@@ -57,7 +57,7 @@ class TiltedPlane:
         return time.monotonic() - self.clock_back_s
 
     def hello(self):
-        return Hello("tilted plane", self.arm, self.sensors, self.camera, frozenset(Ability))
+        return Hello("tilted plane", self.arm, self.sensors, self.camera, frozenset(Ability) - {Ability.STREAMS})
 
     def state(self):
         self._fail()

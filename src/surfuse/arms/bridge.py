@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from surfuse.bridge.child import ChildTransport
-from surfuse.bridge.client import BridgeClient
+from surfuse.bridge.client import BridgeClient, ClockOffset
 from surfuse.bridge.consistency import Tolerances
 from surfuse.bridge.messages import Ability, MoveTo, State
 from surfuse.bridge.patience import Patience
@@ -105,6 +105,11 @@ class BridgeArm:
         """The conversation, while it is open."""
         return self._bridge.client
 
+    @property
+    def offset(self) -> ClockOffset:
+        """How the bridge's clock and this machine's belong together."""
+        return self._bridge.offset
+
     def tool_state(self) -> ToolState:
         """Where the tool stands now."""
         return _tool_state(self.client.state())
@@ -115,9 +120,10 @@ class BridgeArm:
             return np.ones(len(world_from_tool), dtype=np.bool_)
         return self.client.reach(np.asarray(world_from_tool, dtype=np.float64))
 
-    def move_to_pose(self, world_from_tool: FloatArray) -> ToolState:
-        """Go to a pose (4, 4), settle, and return the state as reached."""
-        return _tool_state(self.client.move(MoveTo(world_from_tool=world_from_tool, speed_share=self._speed)))
+    def move_to_pose(self, world_from_tool: FloatArray, speed_share: float | None = None) -> ToolState:
+        """Go to a pose (4, 4), settle, and return the state as reached; `speed_share` as in `PoseArm`."""
+        speed = self._speed if speed_share is None else min(speed_share, self._speed or 1.0)
+        return _tool_state(self.client.move(MoveTo(world_from_tool=world_from_tool, speed_share=speed)))
 
     @property
     def _speed(self) -> float | None:

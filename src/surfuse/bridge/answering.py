@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from surfuse.bridge import answers, questions
 from surfuse.bridge.fields import Fields
 from surfuse.bridge.lines import LineBuffer
-from surfuse.bridge.messages import PROTOCOL_VERSION, Ability, Bridgeable, Hello, Question, Reach, Refusal
+from surfuse.bridge.messages import PROTOCOL_VERSION, Ability, Bridgeable, Hello, Question, Reach, Refusal, Streamed
 from surfuse.bridge.refusals import refusal_of, refused
 from surfuse.bridge.strict_json import IMAGE_LIMIT_BYTES, LINE_LIMIT_BYTES, Json, decode_line, encode_line
 from surfuse.errors import DataError, SurfuseError
@@ -107,6 +107,11 @@ class Answering:
                 return answers.encode_image(rig.image())
             case Question.STOP:
                 return answers.encode_state(rig.stop())
+            case Question.BEGIN:
+                if not isinstance(rig, Streamed):
+                    raise DataError("this rig has no random streams", cure="do not ask it to begin")
+                rig.begin(fields.text("stage"), fields.whole("index"))
+                return {}
             case Question.BYE:
                 return {}
 

@@ -185,6 +185,10 @@ def _encode_reading(reading: BridgeReading) -> dict[str, Json]:
         fields["amplitude"] = reading.amplitude
     if not math.isnan(reading.sigma_m):
         fields["sigma_m"] = reading.sigma_m
+    if not math.isnan(reading.spread_m):
+        fields["spread_m"] = reading.spread_m
+    if reading.count != 1:
+        fields["count"] = reading.count
     if reading.echoes:
         fields["echoes"] = [{"range_m": range_m, "amplitude": amplitude} for range_m, amplitude in reading.echoes]
     if reading.envelope is not None:
@@ -209,6 +213,8 @@ def _reading_of(fields: Fields, asked: Collection[str]) -> BridgeReading:
         sigma_m=fields.positive("sigma_m") if fields.has("sigma_m") else math.nan,
         echoes=_echoes_of(fields) if fields.has("echoes") else (),
         envelope=_envelope_of(fields.inner("envelope")) if fields.has("envelope") else None,
+        spread_m=fields.number("spread_m", least=0.0) if fields.has("spread_m") else math.nan,
+        count=fields.whole("count", least=0) if fields.has("count") else 1,
     )
 
 

@@ -165,6 +165,11 @@ class BridgeClient:
         sweep = self.sweep(sensors)
         return Observation(before, sweep, self.state())
 
+    def begin(self, stage: str, index: int) -> None:
+        """Tell a simulated rig which stop comes next; others have nothing to begin and are not asked."""
+        if self.can(Ability.STREAMS):
+            self._line.ask(Question.BEGIN, {"stage": stage, "index": index}, lambda got: None)
+
     def image(self) -> Image:
         """One picture."""
         self._demand(Ability.IMAGE)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,7 @@ class Question(StrEnum):
     SWEEP = "sweep"
     IMAGE = "image"
     STOP = "stop"
+    BEGIN = "begin"
     BYE = "bye"
 
 
@@ -41,6 +42,7 @@ class Ability(StrEnum):
     ECHOES = "echoes"
     ENVELOPE = "envelope"
     IMAGE = "image"
+    STREAMS = "streams"
 
 
 class Refusal(StrEnum):
@@ -151,7 +153,7 @@ class Envelope:
 class BridgeReading:
     """One sensor's answer. `range_m` as REP-117 (+inf nothing, -inf too close, nan fault); nan elsewhere: not said.
 
-    `echoes` are (range_m, amplitude) in order of range.
+    `echoes` are (range_m, amplitude) in order of range. `spread_m` is the scatter of the `count` pings behind it.
     """
 
     sensor: str
@@ -162,6 +164,8 @@ class BridgeReading:
     sigma_m: float = float("nan")
     echoes: tuple[tuple[float, float], ...] = ()
     envelope: Envelope | None = None
+    spread_m: float = float("nan")
+    count: int = 1
 
 
 @dataclass(frozen=True)
@@ -180,6 +184,13 @@ class Image:
 
     def __post_init__(self) -> None:
         own(self, np.uint8, grey=(None, None))
+
+
+@runtime_checkable
+class Streamed(Protocol):
+    """A simulated rig whose random numbers depend on the stop alone: it is told which one comes next."""
+
+    def begin(self, stage: str, index: int) -> None: ...
 
 
 class Bridgeable(Protocol):

@@ -9,7 +9,7 @@ from surfuse.bridge.messages import Question
 from surfuse.errors import ConfigError
 
 # Asking twice does no harm; a move is asked again only when the arm has said where it is.
-ASKED_AGAIN = frozenset({Question.HELLO, Question.STATE, Question.REACH, Question.SWEEP, Question.IMAGE, Question.STOP})
+ASKED_AGAIN = frozenset(Question) - {Question.MOVE, Question.BYE}
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ TruthFrame = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout, nothing else there.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Agree to the first move of a real arm without being asked.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace the output file if it exists.")]
 

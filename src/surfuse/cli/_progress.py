@@ -126,6 +126,19 @@ class TerminalWatcher:
         """Whether the user asked for a stop at the next checkpoint."""
         return self._stop
 
+    def asker(self) -> Callable[[str], str] | None:
+        """What puts a question to the user; None where no terminal is there to answer."""
+        if not (sys.stdin.isatty() and sys.stderr.isatty()):
+            return None
+        return self._ask
+
+    def _ask(self, question: str) -> str:
+        self._progress.stop()
+        print(question, end="", file=sys.stderr, flush=True)
+        answer = sys.stdin.readline()
+        self._progress.start()
+        return answer
+
     def _line(self) -> str:
         task = self._progress.tasks[self._task]
         done = f" {task.completed:.0f} of {task.total:.0f}" if task.total is not None and task.total > 1 else ""

@@ -20,6 +20,8 @@ Examples:
     surfuse acquire flat --smooth    (readings on the fly: a fifth of the robot time)
     surfuse acquire flat --arm my_arm.urdf --tool flange
     surfuse acquire relief --node udp    (against `surfuse node` in another terminal)
+    surfuse acquire --cell rig.toml --dry-run    (a real rig: what would be scanned)
+    surfuse acquire --cell rig.toml --out runs/part    (asks before the arm moves)
 """
 
 BUS_NAMES = {"udp": "udp_multicast"}
@@ -47,6 +49,10 @@ def acquire(
     smooth: Annotated[
         bool, typer.Option("--smooth", help="One smooth pass: the array fires while the arm moves.")
     ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show the stops and what cannot be reached; nothing moves.")
+    ] = False,
+    yes: options.Yes = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -63,9 +69,13 @@ def acquire(
     if smooth:
         texts.append('scan.mode="smooth"')
     configuration = settings.load(cell, texts)
-    with TerminalWatcher(quiet or as_json) as watcher:
+    with TerminalWatcher(quiet or as_json, checkpoints=not configuration.arm.is_real) as watcher:
         # The import takes seconds: it comes while the watcher shows that something goes on.
         from surfuse.commands.acquire import acquisition
+        from surfuse.commands.acquire import dry_run as dry
 
-        outcome = acquisition.acquire(configuration, out, watcher)
+        if dry_run:
+            outcome = dry.dry_run(configuration, out, watcher)
+        else:
+            outcome = acquisition.acquire(configuration, out, watcher, watcher.asker(), yes)
     return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)

@@ -24,6 +24,7 @@ def register(app: typer.Typer) -> None:
 
 def resume(
     run: Annotated[Path, typer.Argument(help="Folder of the interrupted run.")],
+    yes: options.Yes = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -34,5 +35,5 @@ def resume(
         # The import takes seconds: it comes while the watcher shows that something goes on.
         from surfuse.commands.acquire import acquisition
 
-        outcome = acquisition.resume(run, watcher)
+        outcome = acquisition.resume(run, watcher, watcher.asker(), yes)
     return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)

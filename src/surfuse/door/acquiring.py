@@ -63,12 +63,13 @@ def acquire(
     cell: FilePath | None = None,
     method: str | None = None,
     settings: Mapping[str, object] | None = None,
+    yes: bool = False,
 ) -> Run:
     """Find the part, outline it, plan, scan and fuse, as `surfuse acquire` does; the simulated cell without `cell`.
 
     `scene` is "flat", "tilted", "relief" or a mesh file (None: that of the cell file, or the relief); `out` the folder
     of the run, which must not exist yet (None: a new one under runs/); `settings` values by key path, as
-    `{"scan.margin_m": 0.03}` (docs/reference/settings.md lists them). Arguments with a name of their own win.
+    `{"scan.margin_m": 0.03}` (docs/reference/settings.md lists them). Arguments with a name of their own win. A real arm only moves with `yes`.
 
     Raises
     ------
@@ -81,11 +82,13 @@ def acquire(
     configuration = load(None if cell is None else path_of(cell, "cell"), values=values)
     watcher = _Listener()
     folder = None if out is None else path_of(out, "out")
-    return _run(acquisition.acquire(configuration, folder, watcher), watcher)
+    return _run(acquisition.acquire(configuration, folder, watcher, yes=yes), watcher)
 
 
-def resume(path: FilePath) -> Run:
+def resume(path: FilePath, yes: bool = False) -> Run:
     """Go on with an interrupted acquisition; its map is the one that the uninterrupted run would have given.
+
+    A real arm only moves with `yes`.
 
     Raises
     ------
@@ -93,7 +96,7 @@ def resume(path: FilePath) -> Run:
     StorageError : another process is writing in it.
     """
     watcher = _Listener()
-    return _run(acquisition.resume(path_of(path, "path"), watcher), watcher)
+    return _run(acquisition.resume(path_of(path, "path"), watcher, yes=yes), watcher)
 
 
 def _run(outcome: Outcome, watcher: _Listener) -> Run:

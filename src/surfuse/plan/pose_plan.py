@@ -6,14 +6,13 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from surfuse.geometry.poses import inverse, pose, rotation_about
+from surfuse.geometry.poses import inverse
 from surfuse.plan.margin import enlarged
-from surfuse.plan.raster import raster
+from surfuse.plan.raster import grip_targets, nearest_quarter, raster
 from surfuse.plan.scan_plan import PlanParameters
 from surfuse.records import BoolArray, FloatArray, Outline, ScanPlan, SkippedStop
 
 OUT_OF_REACH = "the arm cannot take this pose"
-_FACING = np.diag([-1.0, 1.0, -1.0])
 _SAME_RAD = 1e-3
 
 Reachable = Callable[[FloatArray], BoolArray]
@@ -32,7 +31,7 @@ def pose_plan(
     stops = raster(area, parameters.step_m, parameters.same_side)
     best, can = np.zeros((0, 4, 4)), np.zeros(0, dtype=np.bool_)
     for turn in _turns(inverse(outline.world_from_part)[:3, :3] @ start_world_from_grip[:3, :3]):
-        targets = looking_at(outline.world_from_part, stops.uv_m, parameters.standoff_m, turn)
+        targets = grip_targets(outline.world_from_part, stops.uv_m, parameters.standoff_m, turn)
         found = np.asarray(reachable(targets), dtype=np.bool_) if len(targets) else np.zeros(0, dtype=np.bool_)
         if len(best) == 0 or np.count_nonzero(found) > np.count_nonzero(can):
             best, can = targets, found
@@ -50,19 +49,9 @@ def pose_plan(
     )
 
 
-def looking_at(world_from_part: FloatArray, uv_m: FloatArray, standoff_m: float, turn: FloatArray) -> FloatArray:
-    """Grip poses (N, 4, 4) that look at points (N, 2) of w = 0 from the standoff, turned (3, 3) in the part frame."""
-    part_from_grip = np.zeros((len(uv_m), 4, 4))
-    part_from_grip[:] = pose(turn, [0.0, 0.0, standoff_m])
-    part_from_grip[:, :2, 3] = uv_m
-    targets: FloatArray = world_from_part @ part_from_grip
-    return targets
-
-
 def _turns(now: FloatArray) -> Iterator[FloatArray]:
     """Rotations (3, 3) of the grip in the part frame, the wanted one first; `now` is how it is turned."""
-    quarters = [_FACING @ rotation_about([0.0, 0.0, 1.0], k * np.pi / 2) for k in range(4)]
-    nearest = max(quarters, key=lambda turn: float(np.trace(turn.T @ now)))
+    nearest = nearest_quarter(now)
     yield nearest
     x = now[:, 0] * np.array([1.0, 1.0, 0.0])
     if float(np.linalg.norm(x)) < _SAME_RAD:

@@ -8,7 +8,7 @@ import numpy as np
 
 from surfuse.errors import ConfigError
 from surfuse.geometry.polygons import spans
-from surfuse.geometry.poses import pose
+from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FloatArray, IntArray, Outline
 
 _ON_LATTICE = 1e-6  # share of a step by which rounding may put a boundary beside a lattice line
@@ -73,13 +73,26 @@ def _line(outline: Outline, j: int, step_m: float) -> FloatArray:
     return np.column_stack([u, np.full(len(u), j * step_m)])
 
 
-def grip_targets(world_from_part: FloatArray, uv_m: FloatArray, standoff_m: float = 0.43) -> FloatArray:
+FACING = np.diag([-1.0, 1.0, -1.0])
+"""How the grip (3, 3) is turned in the part frame: z along -w into the part, y along v (up), hence x along -u."""
+
+
+def nearest_quarter(part_from_grip: FloatArray) -> FloatArray:
+    """The rotation (3, 3) that faces the part, square to the scan lines, nearest to how the grip is turned now."""
+    quarters = [FACING @ rotation_about([0.0, 0.0, 1.0], k * np.pi / 2) for k in range(4)]
+    quarters = [np.round(turn) for turn in quarters]
+    return max(quarters, key=lambda turn: float(np.trace(turn.T @ part_from_grip[:3, :3])))
+
+
+def grip_targets(
+    world_from_part: FloatArray, uv_m: FloatArray, standoff_m: float = 0.43, turn: FloatArray = FACING
+) -> FloatArray:
     """Grip poses (N, 4, 4) in the world that look at points (N, 2) of the acquisition plane from the standoff.
 
-    The grip axis z points along -w into the part, y along v (up), hence x along -u: right-handed.
+    `turn` (3, 3) is the grip in the part frame, its z along -w.
     """
     part_from_grip = np.zeros((len(uv_m), 4, 4))
-    part_from_grip[:] = pose(np.diag([-1.0, 1.0, -1.0]), [0.0, 0.0, standoff_m])
+    part_from_grip[:] = pose(turn, [0.0, 0.0, standoff_m])
     part_from_grip[:, :2, 3] = uv_m
     targets: FloatArray = world_from_part @ part_from_grip
     return targets

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.errors import ConfigError
+from surfuse.geometry.poses import inverse
 from surfuse.interfaces import Kinematics
 from surfuse.plan.margin import enlarged, scan_area
-from surfuse.plan.raster import grip_targets, raster
+from surfuse.plan.raster import FACING, grip_targets, nearest_quarter, raster
 from surfuse.plan.reach import ClearanceCheck, ReachParameters, reach
 from surfuse.records import FloatArray, Outline, ScanPlan, SkippedStop
 
@@ -24,7 +25,8 @@ class PlanParameters:
     what its uncertainty asks for, or two steps, around the part as seen along w).
     `same_side`: start every line at the same extreme instead of alternating. `lowest_v_m`: lines below this are left
     out; the part stands on the table at v = 0, the one edge known without error, and below it the sensors would see
-    the table's rim (-inf: no such limit).
+    the table's rim (-inf: no such limit). `nearest_turn`: the grip is turned about its axis by the quarter that is
+    nearest to how it stands, instead of y up.
     """
 
     step_m: float = 0.01
@@ -32,6 +34,7 @@ class PlanParameters:
     margin_m: float | None = None
     same_side: bool = False
     lowest_v_m: float = 0.0
+    nearest_turn: bool = False
 
     def __post_init__(self) -> None:
         for name, value in (("step_m", self.step_m), ("standoff_m", self.standoff_m)):
@@ -58,7 +61,10 @@ def scan_plan(
     area = scan_area(outline, parameters.step_m) if given is None else enlarged(outline, given)
     stops = raster(area, parameters.step_m, parameters.same_side)
     high_enough = stops.uv_m[:, 1] >= parameters.lowest_v_m - 1e-9
-    targets = grip_targets(outline.world_from_part, stops.uv_m, parameters.standoff_m)
+    turn = FACING
+    if parameters.nearest_turn:
+        turn = nearest_quarter(inverse(outline.world_from_part) @ kinematics.forward(start_rad))
+    targets = grip_targets(outline.world_from_part, stops.uv_m, parameters.standoff_m, turn)
     checked = reach(targets[high_enough], kinematics, start_rad, clearance, limits or ReachParameters())
     visited = np.flatnonzero(high_enough)[checked.reached]
     reasons = dict(zip(np.flatnonzero(high_enough).tolist(), checked.reason, strict=True))

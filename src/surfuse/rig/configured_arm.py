@@ -15,6 +15,7 @@ from surfuse.motion.obstacles import Obstacle
 from surfuse.motion.own_links import own_links, separable_pairs
 from surfuse.records import Fixture
 from surfuse.rig.arm_model import ArmModel
+from surfuse.rig.description import tool_from_array
 from surfuse.settings.sections import Settings
 
 
@@ -55,7 +56,7 @@ def puma560_kinematics(settings: Settings) -> puma560.Puma560:
     """The PUMA 560 on its stand, with the faces of the transducers as tool."""
     return puma560.Puma560(
         pose(np.eye(3), [0.0, 0.0, settings.arm.base_height_m]),
-        pose(np.eye(3), [0.0, 0.0, settings.arm.grip_offset_m - puma560.FLANGE_OFFSET_M]),
+        pose(np.eye(3), [0.0, 0.0, settings.arm.grip_offset_m - puma560.FLANGE_OFFSET_M]) @ tool_from_array(settings),
     )
 
 

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from surfuse.geometry.poses import pose
+from surfuse.geometry.sensor_array import grip_from_sensors, tool_from_grip
 from surfuse.node.link import BusParameters
 from surfuse.physics.air import speed_of_sound
-from surfuse.records import CameraModel, Fixture, SensorSpec
+from surfuse.records import CameraModel, Fixture, FloatArray, SensorSpec
+from surfuse.rig.described_sensors import described_spec, places
 from surfuse.rig.mounts import Mount
 from surfuse.sensors import polaroid
 from surfuse.settings import BusSettings, Settings
@@ -24,6 +26,19 @@ def square_fixture(settings: Settings) -> Fixture:
     corners = [(half, -half), (-half, -half), (half, half), (-half, half)]
     specs = tuple(array_spec(settings, f"us{index}") for index in range(4))
     return Fixture(np.array([pose(np.eye(3), [x, y, 0.0]) for x, y in corners]), specs)
+
+
+def array_fixture(settings: Settings) -> Fixture:
+    """The array: the sensors that the configuration lists, else the paper's square of four."""
+    if not settings.sensor:
+        return square_fixture(settings)
+    specs = tuple(described_spec(sensor, array_spec(settings, sensor.name)) for sensor in settings.sensor)
+    return Fixture(grip_from_sensors(*places(settings.sensor)), specs)
+
+
+def tool_from_array(settings: Settings) -> FloatArray:
+    """The grip (4, 4), amid the sensors of the array, in the frame of the tool."""
+    return tool_from_grip(*places(settings.sensor)) if settings.sensor else np.eye(4)
 
 
 def array_spec(settings: Settings, name: str) -> SensorSpec:

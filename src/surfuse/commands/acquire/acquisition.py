@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from subprocess import Popen
 
+from surfuse.commands.acquire.consent import agreed, refuse_unasked
 from surfuse.commands.acquire.job import Job
 from surfuse.commands.acquire.locating import LocatedPart, finder, locate
 from surfuse.commands.acquire.planning import plan_for, scene_of
@@ -33,14 +34,19 @@ from surfuse.runs.scan_log import few_echoes
 from surfuse.settings import Settings, from_tree
 
 
-def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
+def acquire(
+    settings: Settings, out: Path | None, watcher: Watcher, ask: Callable[[str], str] | None = None, yes: bool = False
+) -> Outcome:
     """Acquire the surface of the part in the cell into a new run folder.
+
+    `ask` and `yes` are about the first move of a real arm, see `consent.agreed`.
 
     Raises
     ------
     SurfuseError : with the exit status of its kind; whatever was scanned before is on disk.
     """
     began = time.perf_counter()
+    refuse_unasked(settings, ask, yes)
     settings = _from_anywhere(settings)
     finder(settings)  # an unknown threshold is refused before anything is written
     watcher.stage("start")
@@ -51,13 +57,13 @@ def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
         run = RunFolder.create(out or default_folder(settings.scene.name))
         with run.lock(), _resumable(run):
             write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
-            return outcome_of(_acquire(run, Job(settings, rig, method, watcher), warm_up), run, began)
+            return outcome_of(_acquire(run, Job(settings, rig, method, watcher, ask, yes), warm_up), run, began)
 
 
-def resume(path: Path, watcher: Watcher) -> Outcome:
+def resume(path: Path, watcher: Watcher, ask: Callable[[str], str] | None = None, yes: bool = False) -> Outcome:
     """Go on with an interrupted acquisition; the map is the one that the uninterrupted run would have given.
 
-    A run that is complete already is left as it is.
+    `ask` and `yes` as in `acquire`. A run that is complete already is left as it is.
 
     Raises
     ------
@@ -76,12 +82,13 @@ def resume(path: Path, watcher: Watcher) -> Outcome:
     settings = from_tree({**tables, "seed": seed}, str(run.configuration))
     if all(file.is_file() for file in (run.surface, run.summary, run.report)):
         return _complete(run)
+    refuse_unasked(settings, ask, yes)
     watcher.stage("start")
     method = create_method(settings.fusion)
     with warm_up_beside(method.name) as warm_up:
         rig = assembled(settings)
         with run.lock(), _resumable(run):
-            return outcome_of(_acquire(run, Job(settings, rig, method, watcher), warm_up), run, began)
+            return outcome_of(_acquire(run, Job(settings, rig, method, watcher, ask, yes), warm_up), run, began)
 
 
 def _complete(run: RunFolder) -> Outcome:
@@ -144,6 +151,7 @@ def _acquire(run: RunFolder, job: Job, warm_up: Popen[bytes] | None) -> Finished
     with rig.opened(), LogWriter(run.log) as log:
         scene, plan, done = _begin(progress, job, log)
         with _noted(log, rig):
+            agreed(job, plan, min(set(range(len(plan))) - {sweep.stop for sweep in done}, default=len(plan)))
             walked = walk(job, plan, scene, done, log)
         if (trouble := bus_event(rig)) is not None:
             log.append_event(trouble)

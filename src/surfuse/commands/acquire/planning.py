@@ -55,7 +55,7 @@ def _plan_of_joints(motion: JointMotion, settings: Settings, outline: Outline, p
     limits = ReachParameters(clearance_min_m=settings.arm.clearance_m)
     if settings.area is not None:
         # The area is given, so nothing but a given margin enlarges it, and it may reach below v = 0.
-        parameters = replace(parameters, margin_m=parameters.margin_m or 0.0, lowest_v_m=-np.inf)
+        parameters = replace(parameters, margin_m=parameters.margin_m or 0.0, lowest_v_m=-np.inf, nearest_turn=True)
     return scan_plan(outline, motion.arm.kinematics, start, check, parameters, limits)
 
 

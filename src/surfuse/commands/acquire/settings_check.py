@@ -9,7 +9,7 @@ import numpy as np
 
 from surfuse.commands.acquire.unused_settings import unused
 from surfuse.errors import ConfigError
-from surfuse.records import FloatArray, Outline, ScanPlan, SensorSpec
+from surfuse.records import ULTRASONIC, FloatArray, Outline, ScanPlan, SensorSpec
 from surfuse.settings import Settings
 
 _ROOM_M = 0.03  # relief in front of the plane that should still be heard
@@ -78,6 +78,8 @@ def _near_limit(settings: Settings, specs: Sequence[SensorSpec]) -> list[str]:
 
 
 def _beam_and_part(settings: Settings, specs: Sequence[SensorSpec], outline: Outline, standoff_m: float) -> list[str]:
+    if all(spec.kind != ULTRASONIC for spec in specs):
+        return []
     beam_m = 2.0 * standoff_m * math.tan(0.5 * min(max(spec.beam_full_angle_rad for spec in specs), math.radians(170)))
     size_m = np.ptp(outline.vertices_m, axis=0) - 2.0 * outline.margin_m
     narrow_m = float(size_m.min())

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from surfuse.acquisition.scan import WalkHooks, scan
 from surfuse.acquisition.smooth import PassHooks, SmoothParameters, SmoothPass, smooth_scan
+from surfuse.commands.acquire.consent import FIRST_MOVES_SHARE
 from surfuse.commands.acquire.job import Job
 from surfuse.commands.acquire.planning import obstacles
 from surfuse.errors import ConfigError, UnreachableError
@@ -76,7 +77,7 @@ def _rise(job: Job, plan: ScanPlan, stop: int) -> None:
         if job.watcher.stop_requested():
             return
         try:
-            arm.move_to_pose(world_from_grip @ to_tool)
+            arm.move_to_pose(world_from_grip @ to_tool, FIRST_MOVES_SHARE)
         except UnreachableError:
             # The walk itself will say which stop cannot be reached; a straight way up may be out of reach, too.
             continue

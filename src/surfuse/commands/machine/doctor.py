@@ -11,22 +11,23 @@ import numpy as np
 from surfuse import __version__, registry, settings
 from surfuse.acquisition.station import take_sweep
 from surfuse.commands.acquire.locating import locate
-from surfuse.commands.acquire.plan_and_walk import plan_for, scene_of
+from surfuse.commands.acquire.planning import plan_for, scene_of
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
 from surfuse.commands.acquire.warm_up import compile_fusion
 from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.machine.checks import Check
+from surfuse.commands.machine.first_contact import first_contact
 from surfuse.commands.outcome import Outcome, SilentWatcher
 from surfuse.errors import SurfuseError
 from surfuse.extras import EXTRAS, Extra
 from surfuse.geometry.kernel_folder import kernel_folder
 from surfuse.records import Outline, ScanPlan, Status
+from surfuse.rig.area import outline_of
 from surfuse.rig.assembled import assembled
 from surfuse.rig.devices import Rig
 from surfuse.surface.gridding import lattice
 
 _CORE = ("numpy", "scipy", "numba", "embreex", "trimesh", "opencv-python-headless", "mcap", "h5netcdf", "viser")
-
-Check = tuple[str, str, bool]
 
 
 def doctor(rig: Path | None, assignments: list[str]) -> Outcome:
@@ -94,6 +95,8 @@ def _cell(rig: Path | None, assignments: list[str]) -> list[Check]:
     except SurfuseError as error:
         return [("configuration", str(error), False)]
     checks: list[Check] = [("configuration", f"scene '{chosen.scene.name}', method '{chosen.fusion.method}'", True)]
+    if chosen.arm.is_real:
+        return [("configuration", f"real rig, driver '{chosen.arm.driver}'", True), *first_contact(built, chosen)]
     with built.opened():
         try:
             return checks + _reach(built, chosen)
@@ -102,6 +105,10 @@ def _cell(rig: Path | None, assignments: list[str]) -> list[Check]:
 
 
 def _reach(built: Rig, chosen: settings.Settings) -> list[Check]:
+    if chosen.area is not None:
+        outline = outline_of(chosen.area)
+        plan = plan_for(built, chosen, outline, SilentWatcher())
+        return _fusion(built, chosen, outline, plan)
     part = locate(built, chosen, SilentWatcher())
     plan = plan_for(built, chosen, part.outline, SilentWatcher())
     size = 1e3 * (part.outline.vertices_m.max(axis=0) - part.outline.vertices_m.min(axis=0))

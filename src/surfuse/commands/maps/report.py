@@ -32,7 +32,7 @@ from surfuse.report.content import (
 )
 from surfuse.report.page import render_report
 from surfuse.rig.configured_arm import arm_model
-from surfuse.rig.description import square_fixture
+from surfuse.rig.description import array_fixture
 from surfuse.runs.configuration import read_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_files import segment_paths
@@ -245,7 +245,7 @@ def _skeleton(log: RunLog | None, readings: Readings | None, settings: Settings 
     if log is None or readings is None or settings is None:
         return nothing
     try:
-        arm = arm_model(settings, square_fixture(settings))
+        arm = arm_model(settings, array_fixture(settings))
     except SurfuseError:
         # The arm's file may be gone by now; the report does without the arm then.
         return nothing

@@ -17,9 +17,10 @@ from surfuse.interfaces import MACHINE_CLOCK, Arm, Clock, PoseArm
 from surfuse.motion.arm_surroundings import ArmSurroundings
 from surfuse.motion.planners import slowed
 from surfuse.records import FloatArray
+from surfuse.rig.described_sensors import places
 from surfuse.rig.devices import JointMotion, Rig
 from surfuse.rig.real.joint_bridge import JointBridgeArm
-from surfuse.rig.real.sensors import array_of, places
+from surfuse.rig.real.sensors import array_of
 from surfuse.settings import Settings
 
 
@@ -35,9 +36,14 @@ def real_rig(settings: Settings) -> Rig:
     array = array_of(settings.sensor, bridge, clock)
     grip = tool_from_grip(*places(settings.sensor))
     joints = _joint_arm(settings, grip, bridge, clock)
+
+    def begin(stage: str, index: int) -> None:
+        if bridge is not None:
+            bridge.client.begin(stage, index)
+
     if joints is not None:
-        return Rig(clock=clock, array=array, motion=JointMotion(joints))
-    return Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge), tool_from_grip=grip)
+        return Rig(clock=clock, array=array, motion=JointMotion(joints), begin=begin)
+    return Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge), tool_from_grip=grip, begin=begin)
 
 
 def _bridge(settings: Settings) -> SharedBridge | None:

@@ -4,76 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-
-import numpy as np
+from typing import Self
 
 from surfuse import registry
 from surfuse.bridge.messages import BridgeReading
 from surfuse.bridge.shared import SharedBridge
-from surfuse.errors import ConfigError
+from surfuse.errors import ConfigError, nearest
 from surfuse.geometry.sensor_array import grip_from_sensors
 from surfuse.interfaces import Clock, OpenedTogether, RangeSensor, SensorSurroundings
-from surfuse.records import Echo, Fixture, FloatArray, LateTable, SensorSpec, Status
+from surfuse.records import Echo, Fixture, SensorSpec, Status
+from surfuse.rig.described_sensors import check_directions, described_spec, places
 from surfuse.runs.scan_log import AssumedSensor
 from surfuse.sensors.polaroid import within_limits
 from surfuse.settings.rig_tables import SensorSettings
 
 BRIDGE = "bridge"
-
-
-def places(sensors: Sequence[SensorSettings]) -> tuple[FloatArray, FloatArray]:
-    """Positions (S, 3) and unit axes (S, 3) of the sensors in the frame of the tool."""
-    axes = np.array([sensor.axis for sensor in sensors], dtype=np.float64)
-    return (
-        np.array([sensor.position_m for sensor in sensors], dtype=np.float64),
-        axes / np.linalg.norm(axes, axis=1)[:, None],
-    )
-
-
-def check_directions(sensors: Sequence[SensorSettings]) -> None:
-    """Refuse sensors that look at the tool that carries them.
-
-    Raises
-    ------
-    ConfigError : names the sensor.
-    """
-    for sensor in sensors:
-        if sensor.axis[2] < 0.0:
-            raise ConfigError(
-                f"sensor '{sensor.name}': axis = {list(sensor.axis)} looks back at the tool",
-                cure="z of the tool points along the beams, towards the part: give an axis with z > 0",
-            )
-
-
-def described_spec(sensor: SensorSettings, usual: SensorSpec) -> SensorSpec:
-    """What is known of a sensor: what its table says, else what its driver says of it."""
-    beam_rad = None if sensor.beam_full_angle_deg is None else float(np.radians(sensor.beam_full_angle_deg))
-    return replace(
-        usual,
-        name=sensor.name,
-        kind=sensor.kind or usual.kind,
-        range_min_m=_known(sensor.range_min_m, usual.range_min_m),
-        range_max_m=_known(sensor.range_max_m, usual.range_max_m),
-        beam_full_angle_rad=_known(beam_rad, usual.beam_full_angle_rad),
-        sigma_m=_known(sensor.sigma_m, usual.sigma_m),
-        frequency_hz=usual.frequency_hz if sensor.frequency_hz is None else sensor.frequency_hz,
-        aperture_m=usual.aperture_m if sensor.aperture_m is None else sensor.aperture_m,
-        incidence_limit_rad=float(np.radians(sensor.incidence_limit_deg)),
-        firing_time_s=sensor.firing_time_s,
-        dead_length_m=sensor.dead_length_m,
-        late=_late(sensor) or usual.late,
-    )
-
-
-def _known(given: float | None, usual: float) -> float:
-    return usual if given is None else given
-
-
-def _late(sensor: SensorSettings) -> LateTable | None:
-    if not sensor.late_tilt_deg:
-        return None
-    tilts = tuple(float(tilt) for tilt in np.radians(sensor.late_tilt_deg))
-    return LateTable(tilts, tuple(sensor.late_bias_m), tuple(sensor.late_scatter_m))
 
 
 def assumed_spec(sensor: SensorSettings) -> SensorSpec:
@@ -118,6 +63,24 @@ class RealArray(OpenedTogether):
         self._drivers = {sensor.name: driven(sensor, clock) for sensor in sensors if sensor.driver != BRIDGE}
         shared = (bridge,) if bridge is not None and self._asked else ()
         super().__init__(*shared, *self._drivers.values())
+
+    def __enter__(self) -> Self:
+        super().__enter__()
+        try:
+            self._check_names()
+        except BaseException as error:
+            self.__exit__(type(error), error, error.__traceback__)
+            raise
+        return self
+
+    def _check_names(self) -> None:
+        """Refuse sensors that the bridge does not have, before anything moves."""
+        if self._bridge is None:
+            return
+        there = self._bridge.client.hello.sensors
+        for name in self._asked:
+            if name not in there:
+                raise ConfigError(f"the bridge has no sensor '{name}'", cure=nearest(name, there))
 
     @property
     def fixture(self) -> Fixture:
@@ -174,6 +137,8 @@ def _echo(reading: BridgeReading) -> Echo:
         status=reading.status,
         t_s=reading.t_s,
         amplitude=reading.amplitude,
+        spread_m=reading.spread_m,
+        count=reading.count,
         sigma_m=reading.sigma_m,
     )
 

@@ -11,16 +11,17 @@ import numpy as np
 from surfuse.cameras import simulated as simulated_camera
 from surfuse.errors import ConfigError
 from surfuse.interfaces import Camera, Clock, RangeSensor
+from surfuse.node.messages import MAX_SENSORS
 from surfuse.records import Fixture, FloatArray
 from surfuse.rig import sequential_array as sequential
 from surfuse.rig.description import (
     PING_PERIOD_S,
+    array_fixture,
     bus_parameters,
     camera_model,
     camera_mount,
     ranger_mount,
     shoulder_spec,
-    square_fixture,
 )
 from surfuse.rig.devices import JointMotion, Lookout, Rig, SmoothMotion, Truth
 from surfuse.rig.mounts import world_from_shoulder
@@ -69,7 +70,7 @@ def simulated_rig(settings: Settings) -> Rig:
         )
     world, part = build_world(settings)
     clock = SimulatedClock()
-    fixture = square_fixture(settings)
+    fixture = array_fixture(settings)
     mover = arm_in_cell(settings, fixture, world, clock)
     arm = mover.arm
     sensors = array_sensors(settings, fixture, world, arm.true_tool_pose, clock)
@@ -191,7 +192,7 @@ def _array(
 ) -> sequential.SequentialArray | SimultaneousArray | ArrayInProcess | ArrayElsewhere:
     """The sensors behind the configured bus."""
     bus, at_once = settings.bus, settings.array.trigger == "simultaneous"
-    if bus.interface == NO_BUS:
+    if bus.interface == NO_BUS or len(sensors) > MAX_SENSORS:
         return together if at_once else sequential.create(fixture, sensors)
     if bus.interface == "virtual":
         return in_process(fixture, sensors, bus.node, clock, together.fire_together, at_once)
@@ -214,7 +215,7 @@ def _part_pose(settings: Settings) -> PartPose:
 def _physics(settings: Settings) -> TwinParameters:
     """The kit, the air, the light and the joints as configured."""
     kit, air = settings.kit, settings.air
-    specs = (*square_fixture(settings).specs, shoulder_spec(settings))
+    specs = (*array_fixture(settings).specs, shoulder_spec(settings))
     return TwinParameters(
         transducers={spec.name: replace(transducer_of(spec), resonance_hz=TUBE.resonance_hz) for spec in specs},
         kit=KitParameters(

@@ -10,7 +10,7 @@ from surfuse.errors import ConfigError, DeviceError
 from surfuse.interfaces import AlwaysOpen, RangeSensor
 from surfuse.node.messages import KitMessage
 from surfuse.records import Echo, Fixture, FloatArray, SensorSpec
-from surfuse.rig.description import array_spec, square_fixture
+from surfuse.rig.description import array_fixture, array_spec, square_fixture
 from surfuse.rig.simulated.assembly import SimulatedClock, array_sensors, build_world, fired_together
 from surfuse.rig.simulated.kit_by_message import kit_from_message
 from surfuse.sensors import simulated
@@ -42,7 +42,7 @@ class TetheredSensors:
         settings = from_tree(tree, "configuration of the host")
         self._world, _ = build_world(settings)
         self._world_from_grip = None
-        self._fixture = square_fixture(settings)
+        self._fixture = array_fixture(settings)
         self._together = fired_together(settings, self._fixture, self._world, self._grip, self.clock)
         self._fired = list(array_sensors(settings, self._fixture, self._world, self._grip, self.clock))
 

@@ -1,0 +1,101 @@
+"""What a scan would be: its stops, what cannot be reached and why, how long it takes, a picture. Nothing moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from surfuse.commands.acquire.locating import locate
+from surfuse.commands.acquire.planning import plan_for
+from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
+from surfuse.commands.outcome import Outcome, Watcher
+from surfuse.durable import write_text
+from surfuse.errors import ConfigError
+from surfuse.plan.scan_plan import skipped_by_kind
+from surfuse.records import Outline, ScanPlan, SensorSpec
+from surfuse.report.content import plan_view
+from surfuse.report.markup import Markup, element
+from surfuse.report.plan_drawing import plan_chart
+from surfuse.report.skeleton import stylesheet
+from surfuse.rig.area import outline_of
+from surfuse.rig.assembled import assembled
+from surfuse.rig.devices import Rig
+from surfuse.settings import Settings
+
+PICTURE = "plan.html"
+_TOOL_SPEED_M_S = 0.1  # of an arm that does not say how fast it is, between stops
+
+
+def dry_run(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
+    """Plan the scan of the rig as it stands; `out` is a folder for the picture of the plan.
+
+    Raises
+    ------
+    SurfuseError : with the exit status of its kind; nothing has moved.
+    """
+    rig = assembled(settings)
+    refuse_contradictions(settings, rig.specs)
+    with rig.opened():
+        outline = _outline(rig, settings, watcher)
+        plan = plan_for(rig, settings, outline, watcher)
+    seconds = predicted_s(plan, rig.specs, settings)
+    notes = doubts(settings, rig.specs, plan)
+    for note in notes:
+        watcher.warn(note)
+    rows = [
+        ("stops", f"{len(plan)} every {1e3 * plan.step_m:.1f} mm, {len(plan.skipped)} left out"),
+        *((f"left out, {kind}", str(count)) for kind, count in skipped_by_kind(plan)),
+        ("standoff", f"{1e3 * plan.standoff_m:.0f} mm"),
+        ("predicted time", f"about {seconds:.0f} s"),
+        ("collisions", _collisions(rig)),
+        ("nothing moved", "leave out --dry-run to scan"),
+    ]
+    data: dict[str, object] = {
+        "stops": len(plan),
+        "stops_skipped": len(plan.skipped),
+        "skipped": [{"u_m": stop.u_m, "v_m": stop.v_m, "reason": stop.reason} for stop in plan.skipped],
+        "predicted_robot_time_s": seconds,
+        "warnings": list(notes),
+    }
+    if out is not None:
+        path = out / PICTURE if out.suffix == "" else out
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, _page(plan, outline))
+        data["picture"], rows = str(path), [*rows, ("picture", str(path))]
+    return Outcome(data, rows)
+
+
+def _page(plan: ScanPlan, outline: Outline) -> str:
+    """The plan as a page without a script."""
+    title = "Plan of a scan"
+    head = [element("meta", {"charset": "utf-8"}), element("title", None, title)]
+    chart = element("figure", None, plan_chart(plan_view(plan, outline.vertices_m)))
+    body = element("main", None, element("h1", None, title), chart)
+    style = Markup(f"<style>{stylesheet()}</style>")
+    page = element("html", {"lang": "en"}, element("head", None, *head, style), element("body", None, body))
+    return f"<!doctype html>\n{page}\n"
+
+
+def predicted_s(plan: ScanPlan, specs: Sequence[SensorSpec], settings: Settings) -> float:
+    """Time of the scan in s: the way between the stops at a slow speed, rest and firing at each."""
+    if len(plan) == 0:
+        return 0.0
+    way_m = float(np.sum(np.linalg.norm(np.diff(plan.world_from_grip[:, :3, 3], axis=0), axis=1)))
+    at_stop_s = settings.arm.settle_s + sum(spec.firing_time_s for spec in specs)
+    return way_m / (_TOOL_SPEED_M_S * settings.arm.speed_share) + len(plan) * at_stop_s
+
+
+def _outline(rig: Rig, settings: Settings, watcher: Watcher) -> Outline:
+    if settings.area is not None:
+        return outline_of(settings.area)
+    if settings.arm.is_real:
+        raise ConfigError("the part is looked for by turning the arm", cure="add an [area], or leave out --dry-run")
+    return locate(rig, settings, watcher).outline
+
+
+def _collisions(rig: Rig) -> str:
+    if rig.motion is not None and rig.motion.clearance is not None:
+        return "checked for the arm, the array and the table"
+    return "not checked: the shape of the arm is not known; [area] tallest_m keeps the sensors above the part"

@@ -1,0 +1,236 @@
+"""A real rig of a cell file: assembled, first met, scanned, interrupted, contradicted."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from surfuse.commands.acquire.acquisition import acquire, resume
+from surfuse.commands.acquire.dry_run import dry_run
+from surfuse.commands.machine.doctor import doctor
+from surfuse.commands.outcome import SilentWatcher
+from surfuse.errors import ConfigError, DeviceError, InterruptError, SafetyStopError, UsageError
+from surfuse.exporters import nc
+from surfuse.runs.log_reader import read_log
+from surfuse.settings import load
+
+HERE = Path(__file__).parent
+
+
+def module_of(path: Path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    found = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(found)
+    return found
+
+
+pretended = module_of(HERE / "pretended_rig.py")
+
+LASER = 'kind = "laser"\nbeam_full_angle_deg = 1.0\nrange_min_m = 0.05\nrange_max_m = 1.5\nsigma_m = 0.001\n'
+AREA = (
+    "[area]\norigin_m = [-0.06, -0.04, 0.0]\nu = [1.0, 0.0, 0.0]\nv = [0.0, 1.0, 0.0]\n"
+    "width_m = 0.12\nheight_m = 0.08\ntallest_m = 0.1\n[scan]\nstep_m = 0.02\nstandoff_m = 0.4\n"
+)
+
+
+def cell(folder: Path, address: str, sensors: str = f'[[sensor]]\nname = "us0"\n{LASER}', more: str = "") -> Path:
+    path = folder / "rig.toml"
+    arm = f'[arm]\ndriver = "bridge"\naddress = "{address}"\n{more}\n'
+    path.write_text(f'{arm}{sensors}\n{AREA}[fusion]\nmethod = "mean"\n')
+    return path
+
+
+class Notes(SilentWatcher):
+    def __init__(self):
+        self.notes = []
+
+    def warn(self, text):
+        self.notes.append(text)
+
+
+@pytest.fixture
+def rig():
+    return pretended.PretendedRig()
+
+
+@pytest.fixture
+def served(rig):
+    with pretended.Served(rig) as found:
+        yield found
+
+
+def assert_is_the_plane(run: Path) -> None:
+    surface = nc.read(run / "surface.nc")
+    u = np.broadcast_to(surface.grid.u_m, surface.grid.shape)
+    assert surface.mask.all()
+    # Along the axis the mean of one sensor is exact.
+    np.testing.assert_allclose(surface.height_m, pretended.HEIGHT_M + pretended.SLOPE * (u - 0.06), atol=1e-9)
+
+
+def test_a_plane_comes_out_where_it_is_in_the_frame_of_the_area(served, tmp_path):
+    outcome = acquire(load(cell(tmp_path, served.address)), tmp_path / "run", SilentWatcher(), yes=True)
+    assert outcome.complete
+    assert outcome.summary["stops"] == 35
+    assert_is_the_plane(tmp_path / "run")
+    frame = nc.read(tmp_path / "run" / "surface.nc").grid.world_from_part
+    np.testing.assert_allclose(frame[:3, 3], [-0.06, -0.04, 0.0])
+
+
+def test_the_arm_keeps_the_quarter_turn_that_it_has(served, rig, tmp_path):
+    acquire(load(cell(tmp_path, served.address)), tmp_path / "run", SilentWatcher(), yes=True)
+    np.testing.assert_allclose(rig.pose[:3, :3], pretended.LOOKING_DOWN[:3, :3], atol=1e-12)
+
+
+def test_nothing_moves_without_a_yes(served, rig, tmp_path):
+    settings = load(cell(tmp_path, served.address))
+    with pytest.raises(UsageError, match="--yes"):
+        acquire(settings, tmp_path / "a", SilentWatcher())
+    asked = []
+    with pytest.raises(InterruptError, match="has not moved"):
+        acquire(settings, tmp_path / "b", SilentWatcher(), ask=lambda text: asked.append(text) or "no\n")
+    assert "35 stops" in asked[0]
+    assert rig.moves == 0
+    assert resume(tmp_path / "b", SilentWatcher(), ask=lambda text: "y\n").complete
+    assert_is_the_plane(tmp_path / "b")
+
+
+def test_a_dry_run_and_the_doctor_move_nothing(served, rig, tmp_path):
+    path = cell(tmp_path, served.address)
+    outcome = dry_run(load(path), tmp_path / "dry", SilentWatcher())
+    assert outcome.summary["stops"] == 35
+    assert outcome.summary["predicted_robot_time_s"] > 0.0
+    assert "<svg" in (tmp_path / "dry" / "plan.html").read_text("utf-8")
+    found = doctor(path, [])
+    assert found.summary["problems"] == []
+    assert "0.5500 m" in found.summary["checks"]["us0"]["text"]
+    assert (rig.moves, rig.sweeps) == (0, 1)
+
+
+def test_stops_that_the_arm_refuses_are_left_out(served, rig, tmp_path):
+    rig.refused_x_m = 0.03
+    watcher = Notes()
+    outcome = acquire(load(cell(tmp_path, served.address)), tmp_path / "run", watcher, yes=True)
+    assert outcome.complete
+    assert outcome.summary["stops"] == 25
+    assert sum("beyond the end of the rail" in note for note in watcher.notes) == 10
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ({"ends_off_m": 0.020, "ends_off_at": 12}, "20.000 mm from where it was sent"),
+        ({"drifts_m": 0.012, "drifts_at": 12}, "moved by 12.000 mm"),
+    ],
+)
+def test_a_pose_that_is_not_the_one_sent_is_a_safety_stop_and_the_run_can_be_gone_on_with(
+    served, rig, tmp_path, fault, told
+):
+    for name, value in fault.items():
+        setattr(rig, name, value)
+    with pytest.raises(SafetyStopError, match=told) as caught:
+        acquire(load(cell(tmp_path, served.address)), tmp_path / "run", SilentWatcher(), yes=True)
+    assert "surfuse resume" in str(caught.value)
+    assert 5 <= len(read_log(tmp_path / "run").sweeps) < 35
+    assert resume(tmp_path / "run", SilentWatcher(), yes=True).complete
+    assert_is_the_plane(tmp_path / "run")
+
+
+def test_a_bridge_that_dies_is_a_device_error_and_the_scan_goes_on_with_the_next_one(tmp_path):
+    def started():
+        program = subprocess.Popen(
+            [sys.executable, str(HERE / "pretended_rig.py"), "0"], stdout=subprocess.PIPE, text=True
+        )
+        return program, program.stdout.readline().strip()
+
+    class Killer(SilentWatcher):
+        def __init__(self, program, after):
+            self.program, self.left = program, after
+
+        def advance(self, steps=1):
+            self.left -= steps
+            if self.left == 0:
+                self.program.kill()
+
+    program, address = started()
+    with pytest.raises(DeviceError, match="surfuse resume"):
+        acquire(load(cell(tmp_path, address)), tmp_path / "run", Killer(program, 9), yes=True)
+    program.communicate()
+    assert len(read_log(tmp_path / "run").sweeps) >= 9
+    port = address.rpartition(":")[2]
+    again = subprocess.Popen([sys.executable, str(HERE / "pretended_rig.py"), port], stdout=subprocess.PIPE, text=True)
+    try:
+        assert again.stdout.readline().strip() == address
+        assert resume(tmp_path / "run", SilentWatcher(), yes=True).complete
+    finally:
+        again.kill()
+        again.communicate()
+    assert_is_the_plane(tmp_path / "run")
+
+
+def test_sensors_of_any_kinds_and_places_scan_together(tmp_path):
+    rig = pretended.PretendedRig(("a", "b", "c"), [(0.03, 0.0, 0.01), (-0.03, 0.0, 0.0), (0.0, 0.02, -0.01)])
+    places = {"a": [0.03, 0.0, 0.01], "b": [-0.03, 0.0, 0.0], "c": [0.0, 0.02, -0.01]}
+    kinds = {"a": "laser", "b": "tof", "c": "infrared"}
+    tables = "".join(
+        f'[[sensor]]\nname = "{name}"\n{LASER.replace("laser", kinds[name])}position_m = {place}\n'
+        for name, place in places.items()
+    )
+    with pretended.Served(rig) as served:
+        settings = load(cell(tmp_path, served.address, tables), ["fusion.method=own_axis_median"])
+        acquire(settings, tmp_path / "run", SilentWatcher(), yes=True)
+    scan = read_log(tmp_path / "run").readings()
+    hit = scan.position_m + scan.range_m[:, None] * scan.axis
+    np.testing.assert_allclose(hit[:, 2], pretended.HEIGHT_M + pretended.SLOPE * hit[:, 0], atol=1e-9)
+    assert [spec.kind for spec in scan.specs] == ["laser", "tof", "infrared"]
+
+
+@pytest.mark.parametrize(
+    ("sensors", "more", "told"),
+    [
+        ("", "", "no sensor"),
+        (f'[[sensor]]\nname = "a"\n{LASER}[[sensor]]\nname = "a"\n{LASER}', "", "two sensors are called 'a'"),
+        (f'[[sensor]]\nname = "a"\n{LASER}axis = [0.0, 0.0, 90.0]\n', "", "length 90, wanted 1"),
+        (f'[[sensor]]\nname = "a"\n{LASER}axis = [0.0, 0.0, -1.0]\n', "", "looks back at the tool"),
+        (f'[[sensor]]\nname = "a"\n{LASER}position_m = [25.0, 0.0, 0.0]\n', "", "give metres"),
+        (f'[[sensor]]\nname = "a"\n{LASER}driver = "tfmimi"\n', "", "did you mean 'tfmini'"),
+        (f'[[sensor]]\nname = "us0"\n{LASER}', "adress = 'x'\n", "did you mean 'address'"),
+        (f'[[sensor]]\nname = "us9"\n{LASER}', "", "no sensor 'us9'"),
+    ],
+)
+def test_cell_files_that_cannot_be_meant_are_refused(served, rig, tmp_path, sensors, more, told):
+    with pytest.raises((ConfigError, UsageError, DeviceError), match=told):
+        acquire(load(cell(tmp_path, served.address, sensors, more)), tmp_path / "run", SilentWatcher(), yes=True)
+    assert rig.moves == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("u = [1.0, 0.0, 0.0]", "u = [2.0, 0.0, 0.0]", "length 2, wanted 1"),
+        ("v = [0.0, 1.0, 0.0]", "v = [0.6, 0.8, 0.0]", "enclose 53.13 degrees"),
+        ("height_m = 0.08\n", "", "no height_m"),
+        ('driver = "bridge"', 'driver = "brige"', "did you mean 'bridge'"),
+        ("tcp://127.0.0.1", "tcp://192.0.2.1", "allow_remote"),
+    ],
+)
+def test_areas_and_arms_that_cannot_be_meant_are_refused(served, rig, tmp_path, old, new, told):
+    path = cell(tmp_path, served.address)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises((ConfigError, UsageError, DeviceError), match=told):
+        acquire(load(path), tmp_path / "run", SilentWatcher(), yes=True)
+    assert rig.moves == 0
+
+
+def test_a_bridge_that_is_not_there_is_told_soon(tmp_path):
+    began = time.monotonic()
+    with pytest.raises(DeviceError, match=r"127\.0\.0\.1:9"):
+        acquire(load(cell(tmp_path, "tcp://127.0.0.1:9")), tmp_path / "run", SilentWatcher(), yes=True)
+    assert time.monotonic() - began < 60.0  # only a hang is an error here
