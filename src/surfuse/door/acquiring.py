@@ -69,7 +69,8 @@ def acquire(
 
     `scene` is "flat", "tilted", "relief" or a mesh file (None: that of the cell file, or the relief); `out` the folder
     of the run, which must not exist yet (None: a new one under runs/); `settings` values by key path, as
-    `{"scan.margin_m": 0.03}` (docs/reference/settings.md lists them). Arguments with a name of their own win. A real arm only moves with `yes`.
+    `{"scan.margin_m": 0.03}` (docs/reference/settings.md lists them). Arguments with a name of their own win. A
+    real arm only moves with `yes`.
 
     Raises
     ------
