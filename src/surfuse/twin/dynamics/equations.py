@@ -108,7 +108,7 @@ def _links(bodies: Bodies, q: FloatArray, frames: Frames, square: FloatArray) ->
 
 @compiled
 def _composite(frames: Frames, mass: FloatArray, matrix: FloatArray, small: FloatArray, square: FloatArray) -> None:
-    """Write the inertia (J, J); mass, first and second moment of the links beyond a joint are summed up from the tip."""
+    """Write the inertia (J, J); mass and moments of the links beyond a joint are summed up from the tip."""
     axis, origin, place, spun = frames
     n = mass.shape[0]
     total = 0.0
