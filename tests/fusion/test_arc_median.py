@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from surfuse.fusion import arc_median
-from surfuse.fusion.arc_median import crossing_bearing
+from surfuse.fusion.arc_median import Arc, crossing_bearing
 
 
 def bearing_of(x, other_x, target, least=0.0, spread=0.3):
     """Bearing from x where the arcs of two sensors at height 0.4, looking down, cross when both hear a target."""
     r, other_r = math.dist((x, 0.4), target), math.dist((other_x, 0.4), target)
-    return crossing_bearing(x, 0.4, 0.0, -1.0, r, spread, other_x, 0.4, 0.0, -1.0, other_r, spread, least)
+    arc, other = Arc(x, 0.4, 0.0, -1.0, r, spread), Arc(other_x, 0.4, 0.0, -1.0, other_r, spread)
+    return crossing_bearing(arc, other, least)
 
 
 @pytest.mark.parametrize("target", [(0.0, 0.0), (0.03, 0.01), (-0.05, -0.02)])

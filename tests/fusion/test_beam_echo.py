@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surfuse.beam_model.echo.crossing import first_crossings, plane_impulse
+from surfuse.beam_model.echo.crossing import Beam, RangeBins, first_crossings, plane_impulse
 from surfuse.beam_model.echo.detector import (
     LEVELS,
     OFF_AXIS,
@@ -72,11 +72,9 @@ def test_weaker_echoes_cross_later_and_below_the_threshold_never() -> None:
 
 
 def test_an_infinite_facing_plane_has_amplitude_one() -> None:
-    beam = piston(23.1, OFF_AXIS) ** 2
     wavelength = 343.2 / 63e3
-    echo = plane_impulse(
-        0.0, -1.0, 0.43, wavelength, beam, float(OFF_AXIS[1]), wavelength / 5, 0.15, 0.4, 2e-4, 600
-    )  # fmt: skip
+    beam = Beam(wavelength, piston(23.1, OFF_AXIS) ** 2, float(OFF_AXIS[1]))
+    echo = plane_impulse(0.0, -1.0, 0.43, beam, wavelength / 5, 0.15, RangeBins(0.4, 2e-4, 600))
     total = np.cumsum(echo[0, :, 0] + 1j * echo[0, :, 1])
     assert abs(np.max(np.abs(total[len(total) // 2 :])) - 1.0) < 0.1
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from surfuse.fusing.cones import Beams, Nodes
 from surfuse.fusion import carving
 
 NODES = np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
@@ -15,10 +16,9 @@ def test_bounds_are_the_spheres_over_each_node():
     rng = np.random.default_rng(0)
     starts = np.column_stack([rng.uniform(-0.03, 0.03, (50, 2)), np.full(50, 0.4)])
     ranges, spread = rng.uniform(0.39, 0.41, 50), 0.06
-    lowest, number, _ = carving.bounds(
-        starts, np.tile([0.0, 0.0, -1.0], (50, 1)), ranges, np.full(50, spread), np.full(50, 3e-4), NODES, NODES,
-        np.ones((5, 5), dtype=bool),
-    )  # fmt: skip
+    beams = Beams(starts, np.tile([0.0, 0.0, -1.0], (50, 1)), ranges, np.full(50, spread))
+    nodes = Nodes(NODES, NODES, np.ones((5, 5), dtype=bool))
+    lowest, number, _ = carving.bounds(beams, np.full(50, 3e-4), nodes)
     for k, v in enumerate(NODES):
         for c, u in enumerate(NODES):
             plain = []

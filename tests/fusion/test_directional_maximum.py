@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from surfuse.fusing.cones import Beams, Nodes
+from surfuse.fusing.voxels import Columns
 from surfuse.fusion import directional_maximum
 
 NODES = np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
@@ -15,10 +17,9 @@ def test_votes_are_the_caps_through_each_voxel():
     rng = np.random.default_rng(0)
     starts = np.column_stack([rng.uniform(-0.02, 0.02, (6, 2)), np.full(6, 0.4)])
     ranges, spread = rng.uniform(0.38, 0.42, 6), 0.05
-    cast = directional_maximum.votes(
-        starts, np.tile([0.0, 0.0, -1.0], (6, 1)), ranges, np.full(6, spread), NODES, NODES,
-        np.ones((5, 5), dtype=bool), -0.03, 0.002, 40,
-    )  # fmt: skip
+    beams = Beams(starts, np.tile([0.0, 0.0, -1.0], (6, 1)), ranges, np.full(6, spread))
+    nodes = Nodes(NODES, NODES, np.ones((5, 5), dtype=bool))
+    cast = directional_maximum.votes(beams, nodes, Columns(-0.03, 0.002, 40))
     plain = np.zeros_like(cast)
     for start, r in zip(starts, ranges, strict=True):
         for k, v in enumerate(NODES):

@@ -33,9 +33,9 @@ def test_a_node_filter_is_the_inverse_variance_mean_of_its_planes():
         points += [[*corner, height] for corner in corners]
     sweep = np.repeat(np.arange(6), 4)
     variance = np.repeat(rng.uniform(1e-7, 1e-6, 6), 4)
-    found, p = kalman_plane.node_filters(
-        np.array(points), variance, sweep, np.zeros(24, dtype=np.int64), np.zeros(1), np.zeros(1), 0.01, 0.01, 0.0, 0.5
-    )
+    heard = kalman_plane.Points(np.array(points), variance, sweep, np.zeros(24, dtype=np.int64))
+    trust = kalman_plane.Trust(0.01, 0.01, 0.0, 0.5)
+    found, p = kalman_plane.node_filters(heard, np.zeros(1), np.zeros(1), trust)
     weight = 4.0 / variance[::4]
     assert found[0, 0] == pytest.approx(np.sum(weight * heights) / np.sum(weight), rel=1e-9)
     assert p[0, 0] >= 1.0 / weight.sum() * (1 - 1e-9)

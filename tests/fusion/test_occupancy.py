@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from surfuse.fusing.cones import Beams, Nodes
 from surfuse.fusing.sonar_model import evidence, squared_angle
+from surfuse.fusing.voxels import Columns
 from surfuse.fusion import occupancy
 
 NODES = np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
@@ -45,10 +47,9 @@ def plain_log_odds(starts, ranges, spread, delta, bottom, size, count, alpha0, o
 def test_log_odds_are_the_sums_of_the_plain_model():
     starts = np.array([[0.0, 0.0, 0.4], [0.013, -0.004, 0.41], [-0.01, 0.02, 0.39]])
     ranges, spread, delta = np.array([0.4, 0.405, 0.395]), 0.05, 0.002
-    found = occupancy.log_odds(
-        starts, np.tile([0.0, 0.0, -1.0], (3, 1)), ranges, np.full(3, spread), np.full(3, delta), NODES, NODES,
-        np.ones((5, 5), dtype=bool), -0.02, 0.002, 25, 0.6, 10.0,
-    )  # fmt: skip
+    beams = Beams(starts, np.tile([0.0, 0.0, -1.0], (3, 1)), ranges, np.full(3, spread))
+    nodes = Nodes(NODES, NODES, np.ones((5, 5), dtype=bool))
+    found = occupancy.log_odds(beams, np.full(3, delta), nodes, Columns(-0.02, 0.002, 25), 0.6, 10.0)
     np.testing.assert_allclose(
         found, plain_log_odds(starts, ranges, spread, delta, -0.02, 0.002, 25, 0.6, 10.0), atol=2e-5
     )

@@ -15,7 +15,7 @@ from surfuse.geometry.poses import pose
 from surfuse.motion.newton_euler import newton_euler
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.records import FloatArray
-from surfuse.twin.dynamics.equations import motion_terms, scratch_of
+from surfuse.twin.dynamics.equations import Bodies, motion_terms, scratch_of
 from surfuse.twin.dynamics.plant import ArmPlant, PlantParameters
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "puma560_rtb_reference.json").read_text())
@@ -36,8 +36,8 @@ def close(value: FloatArray, reference: object, relative: float = 1e-6) -> None:
 
 def terms(arm: ArmDynamics, q: FloatArray, qd: FloatArray) -> tuple[FloatArray, FloatArray]:
     matrix, bias = np.empty((6, 6)), np.empty(6)
-    arrays = (arm.d_m, arm.a_m, arm.alpha_rad, arm.mass_kg, arm.center_m, arm.inertia_kg_m2)
-    motion_terms(*arrays, arm.gravity_m_s2, q, qd, matrix, bias, scratch_of(6))
+    links = arm.d_m, arm.a_m, arm.alpha_rad, arm.mass_kg, arm.center_m, arm.inertia_kg_m2
+    motion_terms(Bodies(*links, arm.gravity_m_s2), q, qd, matrix, bias, scratch_of(6))
     return matrix + np.diag(arm.armature_kg_m2), bias
 
 

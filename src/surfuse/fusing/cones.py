@@ -3,11 +3,38 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from surfuse.geometry.compiled import compiled
-from surfuse.records import FloatArray
+from surfuse.records import BoolArray, FloatArray, MapGrid
+
+
+class Beams(NamedTuple):
+    """The readings of a survey as kernels take them: N cones in the part frame.
+
+    `start` (N, 3) in m and unit `axis` (N, 3); `range_m` (N,) from the start; `spread` (N,) half the beam angle in rad,
+    0 for a sensor that measures along its axis.
+    """
+
+    start: FloatArray
+    axis: FloatArray
+    range_m: FloatArray
+    spread: FloatArray
+
+
+class Nodes(NamedTuple):
+    """The nodes of a map as kernels take them: `u` (C,) and `v` (R,) in m, increasing; `wanted` (R, C) are filled."""
+
+    u: FloatArray
+    v: FloatArray
+    wanted: BoolArray
+
+
+def nodes_of(grid: MapGrid, wanted: BoolArray) -> Nodes:
+    """The nodes of a grid of R rows and C columns, those marked by `wanted` (R, C) to be filled."""
+    return Nodes(np.ascontiguousarray(grid.u_m), np.ascontiguousarray(grid.v_m), wanted)
 
 
 @compiled

@@ -98,27 +98,42 @@ def _columns(stops: int) -> int:
     return 2 if stops == 1 else stops
 
 
+class _Validated(NamedTuple):
+    """Readings of a range of stops on the grip axis (m) and their sigmas (m), and how many of each stop passed."""
+
+    value_m: FloatArray
+    sigma_m: FloatArray
+    passed: IntArray
+
+
 @compiled
-def _grouped(scan: ScanColumns, limits: Limits, stops: tuple[int, int], out: PointColumns) -> _Groups:
-    """Validate a range of stops, write all of their columns but depth and sigma, and group their readings."""
+def _validated(scan: ScanColumns, limits: Limits, stops: tuple[int, int], out: PointColumns) -> _Validated:
+    """Validate a range of stops block by block, and write the gate and the confidences of their readings."""
     start, gate, base, n = scan.start, out.gate, scan.start[stops[0]], stops[1] - stops[0]
     readings = start[stops[1]] - base
-    value, sigma, inside = (
-        np.empty(readings),
-        np.empty(readings),
-        np.empty(block_readings(start[stops[0] : stops[1] + 1])),
-    )
+    value, sigma = np.empty(readings), np.empty(readings)
+    inside = np.empty(block_readings(start[stops[0] : stops[1] + 1]))
     for block in range(stops[0], stops[1], BLOCK):
         own = (block, min(block + BLOCK, stops[1]))
         first = start[own[0]] - base
         validate(scan, limits, own, gate, value[first:], sigma[first:], inside)
-    count, most = np.zeros(n, dtype=np.int64), 0
+    count = np.zeros(n, dtype=np.int64)
     for j in range(n):
         for i in range(start[stops[0] + j], start[stops[0] + j + 1]):
             passed = gate[i] == 0
             out.dc[i] = 1.0 if passed else 0.0
             out.dc1[i] = out.dc2[i] = out.dc3[i] = 1.0 if passed else np.nan
             count[j] += passed
+    return _Validated(value, sigma, count)
+
+
+@compiled
+def _grouped(scan: ScanColumns, limits: Limits, stops: tuple[int, int], out: PointColumns) -> _Groups:
+    """Validate a range of stops, write all of their columns but depth and sigma, and group their readings."""
+    value, sigma, count = _validated(scan, limits, stops, out)
+    start, gate, base, n = scan.start, out.gate, scan.start[stops[0]], stops[1] - stops[0]
+    most = 0
+    for j in range(n):
         most = max(most, count[j])
     edge, place = np.zeros(most + 2, dtype=np.int64), np.zeros(most + 2, dtype=np.int64)
     for j in range(n):

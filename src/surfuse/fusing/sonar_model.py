@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from surfuse.fusing.cones import shell
+from surfuse.fusing.voxels import Columns
 from surfuse.geometry.compiled import compiled
 from surfuse.records import FloatArray
 
@@ -72,30 +73,35 @@ class SonarModel(NamedTuple):
 
 
 @compiled
-def along_axis(
-    column: FloatArray, bottom: float, size: float, foot: float, slant: float, r: float, m: SonarModel
-) -> None:
-    """Evidence of a sensor that measures along its axis for the column that it meets at height `foot`."""
+def along_axis(column: FloatArray, z: Columns, foot: float, slant: float, r: float, m: SonarModel) -> None:
+    """Add to the log-odds of a column (Z,) what a sensor says that measures along its axis, range r (m).
+
+    Its axis meets the column at height `foot` (m); `slant` is the axis' share along w.
+    """
     for q in range(column.shape[0]):
         # Along a slanted axis a height of h is h / |a_w| of range.
-        z = r + (foot - bottom - q * size) / abs(slant)
-        column[q] += evidence(z, r, m.detection, 1.0, m.delta_m, m.other_per_m)
+        cell = r + (foot - z.bottom_m - q * z.height_m) / abs(slant)
+        column[q] += evidence(cell, r, m.detection, 1.0, m.delta_m, m.other_per_m)
+
+
+class Beside(NamedTuple):
+    """Where a column stands seen from the start of a beam: (du, dv) beside it, the start at this height over w = 0."""
+
+    du_m: float
+    dv_m: float
+    height_m: float
 
 
 @compiled
 def in_cone(
-    column: FloatArray,
-    bottom: float,
-    size: float,
-    du: float,
-    dv: float,
-    height: float,
-    a: FloatArray,
-    r: float,
-    spread: float,
-    m: SonarModel,
+    column: FloatArray, voxels: Columns, beside: Beside, a: FloatArray, r: float, spread: float, m: SonarModel
 ) -> None:
-    """Evidence of a cone for the column at (du, dv) from its start, which is at this height."""
+    """Add to the log-odds of a column (Z,) what a cone says: unit axis a (3,), range r (m), half angle `spread` (rad).
+
+    Voxels outside of the cone, behind its start, or far beyond the range are left as they are.
+    """
+    bottom, size = voxels.bottom_m, voxels.height_m
+    du, dv, height = beside.du_m, beside.dv_m, beside.height_m
     side, behind = du * du + dv * dv, r + FAR * m.delta_m
     if side >= behind * behind:
         return

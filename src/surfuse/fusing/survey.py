@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from surfuse.fusing.cones import Beams
 from surfuse.geometry.poses import inverse
 from surfuse.records import BoolArray, FloatArray, FusionScene, Gate, IntArray, MapGrid, Outline, Readings
 
@@ -50,6 +51,11 @@ class Survey:
 
     def __len__(self) -> int:
         return len(self.range_m)
+
+    @property
+    def beams(self) -> Beams:
+        """The readings as the kernels take them."""
+        return Beams(self.start_m, self.axis, self.range_m, self.spread_rad)
 
     def select(self, keep: BoolArray) -> Survey:
         """The readings marked by `keep` (N,); what was seen and the spacing stay."""

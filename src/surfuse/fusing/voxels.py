@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,13 +13,15 @@ MOST_VOXELS = 60_000_000
 """Of a whole map; beyond, the voxels become higher: half a gigabyte of doubles."""
 
 
-@dataclass(frozen=True)
-class Columns:
-    """Voxels of `height_m` each in every column; the centre of voxel 0 is at `bottom_m`."""
+class Columns(NamedTuple):
+    """`levels` voxels of `height_m` each over every node of a map; the centre of voxel 0 is at `bottom_m` (w, in m).
+
+    Kernels take it as it is.
+    """
 
     bottom_m: float
     height_m: float
-    count: int
+    levels: int
 
     def centre(self, voxel: int) -> float:
         """Height (m) of the centre of a voxel."""
@@ -27,7 +29,10 @@ class Columns:
 
 
 def columns_over(heard: Survey, grid: MapGrid, voxel_m: float, margin_m: float) -> Columns:
-    """Columns that hold all own-axis hits with a margin, in voxels of `voxel_m` or of what the memory allows."""
+    """Columns that hold all own-axis hits and `margin_m` more at both ends, with voxels of `voxel_m`.
+
+    The voxels are higher where the map would need more than `MOST_VOXELS`. `heard` has at least one reading.
+    """
     low, high = float(np.min(heard.foot_m[:, 2])) - margin_m, float(np.max(heard.foot_m[:, 2])) + margin_m
     most = max(8, MOST_VOXELS // (grid.shape[0] * grid.shape[1]))
     size = max(voxel_m, (high - low) / most)

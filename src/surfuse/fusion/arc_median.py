@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,28 +54,37 @@ class Parameters(GateParameters):
         check_within("arc_median", "transversal_share", self.transversal_share, 0.0, 1.0)
 
 
+class Arc(NamedTuple):
+    """A reading in a vertical plane: start (x, z) and range r in m, unit axis (ax, az), half angle `spread` in rad."""
+
+    x: float
+    z: float
+    ax: float
+    az: float
+    r: float
+    spread: float
+
+
+class Arcs(NamedTuple):
+    """N arcs, each in the plane of its slice: the fields of `Arc` as arrays (N,)."""
+
+    x: FloatArray
+    z: FloatArray
+    ax: FloatArray
+    az: FloatArray
+    r: FloatArray
+    spread: FloatArray
+
+
 @compiled
-def crossing_bearing(
-    x: float,
-    z: float,
-    ax: float,
-    az: float,
-    r: float,
-    spread: float,
-    other_x: float,
-    other_z: float,
-    other_ax: float,
-    other_az: float,
-    other_r: float,
-    other_spread: float,
-    least: float,
-) -> float:
+def crossing_bearing(arc: Arc, other: Arc, least: float) -> float:
     """Bearing off its axis (rad, positive towards +x for an axis along -z) where an arc is crossed by another.
 
-    An arc is its start (x, z), unit axis, range, and half angle, all in one plane. nan where the two do not cross
-    within both beams at an angle of at least `least`. The angle between two circles is that between their radii.
-    """  # fmt: skip
-    dx, dz = other_x - x, other_z - z
+    nan where the two, which lie in one plane, do not cross within both beams at an angle of at least `least` (rad).
+    The angle between two circles is that between their radii.
+    """
+    r, other_r = arc.r, other.r
+    dx, dz = other.x - arc.x, other.z - arc.z
     d = math.sqrt(dx * dx + dz * dz)
     if d <= 1e-9 or d >= r + other_r or d <= abs(r - other_r):
         return np.nan
@@ -84,31 +94,23 @@ def crossing_bearing(
         px = (along * dx - side * across * dz) / d
         pz = (along * dz + side * across * dx) / d
         qx, qz = px - dx, pz - dz
-        bearing = math.atan2(ax * pz - az * px, ax * px + az * pz)
-        other = math.atan2(other_ax * qz - other_az * qx, other_ax * qx + other_az * qz)
+        bearing = math.atan2(arc.ax * pz - arc.az * px, arc.ax * px + arc.az * pz)
+        from_other = math.atan2(other.ax * qz - other.az * qx, other.ax * qx + other.az * qz)
         between_radii = abs(math.atan2(px * qz - pz * qx, px * qx + pz * qz))
         transversal = least <= between_radii <= math.pi - least
-        if transversal and abs(bearing) <= spread and abs(other) <= other_spread:
+        if transversal and abs(bearing) <= arc.spread and abs(from_other) <= other.spread:
             return bearing
     return np.nan
 
 
 @compiled
-def bearings(
-    slice_of: IntArray,
-    order: IntArray,
-    x: FloatArray,
-    z: FloatArray,
-    ax: FloatArray,
-    az: FloatArray,
-    r: FloatArray,
-    spread: FloatArray,
-    least: FloatArray,
-) -> FloatArray:
+def bearings(slice_of: IntArray, order: IntArray, arcs: Arcs, least: FloatArray) -> FloatArray:
     """Median bearing (N,) of the transversal crossings of each arc with those of its slice; nan where nothing crosses.
 
-    `order` sorts the arcs by slice, then by x.
-    """  # fmt: skip
+    `slice_of` (N,) is the number of each arc's slice; `order` (N,) sorts the arcs by slice, then by x. Two arcs must
+    cross at the smaller of their `least` (N,) angles (rad). Bearings in rad, as in `crossing_bearing`.
+    """
+    x, z, ax, az, r, spread = arcs
     n = order.shape[0]
     result, found, widest = np.full(n, np.nan), np.empty(n), 0.0
     for i in range(n):
@@ -119,6 +121,7 @@ def bearings(
         if slice_of[order[first]] != slice_of[i]:
             first = place
         count, foot = 0, x[i] + r[i] * ax[i]
+        arc = Arc(x[i], z[i], ax[i], az[i], r[i], spread[i])
         for step in (-1, 1):
             other = place + step
             while 0 <= other < n and slice_of[order[other]] == slice_of[i]:
@@ -126,10 +129,8 @@ def bearings(
                 # Where the axes end, caps further apart than both radii cannot touch.
                 if abs(x[k] - x[i]) > 2.0 * widest + abs(foot - x[i]) + abs(r[k] * ax[k]):
                     break
-                bearing = crossing_bearing(
-                    x[i], z[i], ax[i], az[i], r[i], spread[i], x[k], z[k], ax[k], az[k], r[k], spread[k],
-                    min(least[i], least[k]),
-                )  # fmt: skip
+                crossed = Arc(x[k], z[k], ax[k], az[k], r[k], spread[k])
+                bearing = crossing_bearing(arc, crossed, min(least[i], least[k]))
                 if bearing == bearing:
                     found[count] = bearing
                     count += 1
@@ -154,11 +155,15 @@ def slice_bearings(heard: Survey, across: int, least_rad: FloatArray) -> FloatAr
     start, axis = heard.start_m[:, along], heard.axis[:, along]
     in_slice = np.hypot(axis, heard.axis[:, 2])
     order = np.lexsort((start, slice_of)).astype(np.int64)
-    found = bearings(
-        slice_of, order, np.ascontiguousarray(start), np.ascontiguousarray(heard.start_m[:, 2]), axis / in_slice,
-        heard.axis[:, 2] / in_slice, heard.range_m * in_slice, heard.spread_rad, least_rad,
-    )  # fmt: skip
-    return found
+    arcs = Arcs(
+        x=np.ascontiguousarray(start),
+        z=np.ascontiguousarray(heard.start_m[:, 2]),
+        ax=axis / in_slice,
+        az=heard.axis[:, 2] / in_slice,
+        r=heard.range_m * in_slice,
+        spread=heard.spread_rad,
+    )
+    return bearings(slice_of, order, arcs, least_rad)
 
 
 def moved(heard: Survey, bearing_u: FloatArray, bearing_v: FloatArray) -> FloatArray:

@@ -16,14 +16,14 @@ import numpy as np
 
 from surfuse.confidence.gate import GateParameters
 from surfuse.confidence.parameters import check_within
-from surfuse.fusing.cones import columns_within, nearest_node, shell
+from surfuse.fusing.cones import Beams, Nodes, columns_within, nearest_node, nodes_of, shell
 from surfuse.fusing.despiking import telling
 from surfuse.fusing.mapwise import Estimate, mapwise
 from surfuse.fusing.places import covered
 from surfuse.fusing.survey import Survey
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
-from surfuse.records import BoolArray, FloatArray, IntArray, MapGrid
+from surfuse.records import FloatArray, IntArray, MapGrid
 
 SUMMARY = "gated carving: nothing in a cone is nearer than its reading; the envelope of what remains"
 
@@ -62,17 +62,13 @@ def insert(lowest: FloatArray, value: float) -> None:
 
 
 @compiled
-def bounds(
-    start: FloatArray,
-    axis: FloatArray,
-    range_m: FloatArray,
-    spread: FloatArray,
-    sigma: FloatArray,
-    u: FloatArray,
-    v: FloatArray,
-    wanted: BoolArray,
-) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Lowest bounds (R, C, DEEPEST), number of bounds (R, C) and smallest sigma of a reading (R, C) of each node."""
+def bounds(beams: Beams, sigma: FloatArray, nodes: Nodes) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Lowest bounds (R, C, DEEPEST), number of bounds (R, C) and smallest sigma of a reading (R, C) of each node.
+
+    `sigma` (N,) are the standard deviations of the readings in m. A bound is a height along w that a cone allows.
+    """
+    start, axis, range_m, spread = beams
+    u, v, wanted = nodes
     lowest = np.full((len(v), len(u), DEEPEST), np.inf)
     number, finest = np.zeros((len(v), len(u)), dtype=np.int64), np.full((len(v), len(u)), np.inf)
     for i in range(range_m.shape[0]):
@@ -117,10 +113,7 @@ def create(parameters: Parameters) -> FusionMethod:
     def estimate(heard: Survey, grid: MapGrid) -> Estimate:
         used = telling(heard, grid, parameters.despike)
         kept = heard.select(used)
-        lowest, number, finest = bounds(
-            kept.start_m, kept.axis, kept.range_m, kept.spread_rad, kept.sigma_m, np.ascontiguousarray(grid.u_m),
-            np.ascontiguousarray(grid.v_m), covered(kept, grid),
-        )  # fmt: skip
+        lowest, number, finest = bounds(kept.beams, kept.sigma_m, nodes_of(grid, covered(kept, grid)))
         height, sigma = envelope(lowest, number, finest, parameters.quantile)
         return Estimate(height, sigma, used)
 

@@ -14,15 +14,15 @@ import numpy as np
 
 from surfuse.confidence.gate import GateParameters
 from surfuse.confidence.parameters import check_within
-from surfuse.fusing.cones import columns_within, nearest_node, shell
+from surfuse.fusing.cones import Beams, Nodes, columns_within, nearest_node, nodes_of, shell
 from surfuse.fusing.despiking import telling
 from surfuse.fusing.mapwise import Estimate, mapwise
 from surfuse.fusing.places import covered, excess_sigma
 from surfuse.fusing.survey import Survey
-from surfuse.fusing.voxels import columns_over
+from surfuse.fusing.voxels import Columns, columns_over
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
-from surfuse.records import BoolArray, FloatArray, IntArray, MapGrid
+from surfuse.records import FloatArray, IntArray, MapGrid
 
 SUMMARY = "votes of all caps of equal range; the most voted voxel of each column (Barshan 2007)"
 
@@ -43,19 +43,11 @@ class Parameters(GateParameters):
 
 
 @compiled
-def votes(
-    start: FloatArray,
-    axis: FloatArray,
-    range_m: FloatArray,
-    spread: FloatArray,
-    u: FloatArray,
-    v: FloatArray,
-    wanted: BoolArray,
-    bottom: float,
-    size: float,
-    count: int,
-) -> IntArray:
+def votes(beams: Beams, nodes: Nodes, voxels: Columns) -> IntArray:
     """Number of caps (R, C, Z) that pass each voxel; a sensor that measures along its axis votes for one voxel."""
+    start, axis, range_m, spread = beams
+    u, v, wanted = nodes
+    bottom, size, count = voxels
     cast = np.zeros((len(v), len(u), count), dtype=np.int64)
     for i in range(range_m.shape[0]):
         s, a, r = start[i], axis[i], range_m[i]
@@ -105,10 +97,7 @@ def create(parameters: Parameters) -> FusionMethod:
         if len(kept) == 0:
             return Estimate(nothing, nothing, used)
         z = columns_over(kept, grid, parameters.voxel_m, 10.0 * parameters.voxel_m)
-        cast = votes(
-            kept.start_m, kept.axis, kept.range_m, kept.spread_rad, np.ascontiguousarray(grid.u_m),
-            np.ascontiguousarray(grid.v_m), covered(kept, grid), z.bottom_m, z.height_m, z.count,
-        )  # fmt: skip
+        cast = votes(kept.beams, nodes_of(grid, covered(kept, grid)), z)
         height, sigma = winners(cast, z.bottom_m, z.height_m)
         return Estimate(height, np.hypot(sigma, excess_sigma(kept, grid)), used)
 

@@ -11,6 +11,7 @@ this project's.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -102,24 +103,38 @@ def _nearest(points: FloatArray, rows: IntArray, u: float, v: float) -> float:
     return best
 
 
+class Points(NamedTuple):
+    """What the planes are laid through: own-axis points (N, 3) in m, their variances (N,) in m^2, sweep and row (N,).
+
+    In the order in which they were taken: those of one sweep follow each other.
+    """
+
+    at_m: FloatArray
+    variance_m2: FloatArray
+    sweep: IntArray
+    row: IntArray
+
+
+class Trust(NamedTuple):
+    """How far a plane speaks: `Parameters` of the same names, in m, and the slope without a unit."""
+
+    reach: float
+    falloff: float
+    doubt: float
+    slope_sigma: float
+
+
 @compiled
-def node_filters(
-    points: FloatArray,
-    variance: FloatArray,
-    sweep: IntArray,
-    row: IntArray,
-    u: FloatArray,
-    v: FloatArray,
-    reach: float,
-    falloff: float,
-    doubt: float,
-    slope_sigma: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Height and variance (R, C) of all nodes after all sweeps, nan where no plane spoke.
+def node_filters(points_of: Points, u: FloatArray, v: FloatArray, trust: Trust) -> tuple[FloatArray, FloatArray]:
+    """Height (m) and variance (m^2) (R, C) of all nodes `u` (C,), `v` (R,) in m after all sweeps.
+
+    Where no plane spoke the height is nan and the variance inf.
 
     Static state, z the plane's height at the node with variance r: K = P / (P + r), h += K (z - h), P -= K P. At the
     end P is inflated by the mean of (z - h)^2 / (P + r) where that is above 1: filters that the planes contradict.
-    """  # fmt: skip
+    """
+    points, variance, sweep, row = points_of
+    reach, falloff, doubt, slope_sigma = trust
     height, p = np.full((len(v), len(u)), np.nan), np.full((len(v), len(u)), np.inf)
     squares, number = np.zeros((len(v), len(u))), np.zeros((len(v), len(u)))
     first, n = 0, points.shape[0]
@@ -167,10 +182,10 @@ def create(parameters: Parameters) -> FusionMethod:
         kept = heard.select(used)
         # A coarse map must not lose readings between its nodes.
         reach = max(parameters.reach_m, *half_cells(grid, kept.spacing_m))
-        height, variance = node_filters(
-            kept.foot_m, (kept.sigma_m / kept.excess) ** 2, kept.sweep, kept.row, np.ascontiguousarray(grid.u_m),
-            np.ascontiguousarray(grid.v_m), reach, parameters.falloff_m, parameters.doubt_m, parameters.slope_sigma,
-        )  # fmt: skip
+        points = Points(kept.foot_m, (kept.sigma_m / kept.excess) ** 2, kept.sweep, kept.row)
+        trust = Trust(reach, parameters.falloff_m, parameters.doubt_m, parameters.slope_sigma)
+        u, v = np.ascontiguousarray(grid.u_m), np.ascontiguousarray(grid.v_m)
+        height, variance = node_filters(points, u, v, trust)
         wanted = covered(kept, grid) & np.isfinite(height)
         sigma = np.hypot(np.sqrt(np.where(wanted, variance, np.nan)), excess_sigma(kept, grid))
         return Estimate(np.where(wanted, height, np.nan), sigma, used)

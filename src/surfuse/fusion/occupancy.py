@@ -23,13 +23,13 @@ import numpy as np
 
 from surfuse.confidence.gate import GateParameters
 from surfuse.confidence.parameters import check_within
-from surfuse.fusing.cones import columns_between, columns_within, nearest_node
+from surfuse.fusing.cones import Beams, Nodes, columns_between, columns_within, nearest_node, nodes_of
 from surfuse.fusing.despiking import telling
 from surfuse.fusing.mapwise import Estimate, mapwise
 from surfuse.fusing.places import covered
-from surfuse.fusing.sonar_model import FAR, SonarModel, along_axis, in_cone, share_of, table_of_empty
+from surfuse.fusing.sonar_model import FAR, Beside, SonarModel, along_axis, in_cone, share_of, table_of_empty
 from surfuse.fusing.survey import Survey
-from surfuse.fusing.voxels import columns_over
+from surfuse.fusing.voxels import Columns, columns_over
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import FusionMethod
 from surfuse.records import BoolArray, FloatArray, MapGrid
@@ -66,22 +66,16 @@ class Parameters(GateParameters):
 
 @compiled
 def log_odds(
-    start: FloatArray,
-    axis: FloatArray,
-    range_m: FloatArray,
-    spread: FloatArray,
-    delta: FloatArray,
-    u: FloatArray,
-    v: FloatArray,
-    wanted: BoolArray,
-    bottom: float,
-    size: float,
-    count: int,
-    detection: float,
-    other_per_m: float,
+    beams: Beams, delta: FloatArray, nodes: Nodes, voxels: Columns, detection: float, other_per_m: float
 ) -> FloatArray:
-    """Summed log-odds (R, C, Z) of all voxels, voxel 0 at the bottom; unwanted columns stay 0."""
-    odds = np.zeros((len(v), len(u), count))
+    """Summed log-odds (R, C, Z) of all voxels, voxel 0 at the bottom; unwanted columns stay 0.
+
+    `delta` (N,) is the deviation (m) of each range about its cell, `detection` is alpha, `other_per_m` is F (1/m); the
+    model stands at the top of the module.
+    """
+    start, axis, range_m, spread = beams
+    u, v, wanted = nodes
+    odds = np.zeros((len(v), len(u), voxels.levels))
     empty = table_of_empty(detection)
     for i in range(range_m.shape[0]):
         s, a, r = start[i], axis[i], range_m[i]
@@ -89,17 +83,18 @@ def log_odds(
             k, c = nearest_node(s[0] + r * a[0], s[1] + r * a[1], u, v)
             if k >= 0 and wanted[k, c]:
                 model = SonarModel(delta[i], other_per_m, detection, 1.0, empty)
-                along_axis(odds[k, c], bottom, size, s[2] + r * a[2], a[2], r, model)
+                along_axis(odds[k, c], voxels, s[2] + r * a[2], a[2], r, model)
             continue
         share = share_of(s, a, r, spread[i], columns_within(s, a, r, spread[i], u, v), u, v)
         # No voxel is nearer than the top of the columns lies below the start.
-        near = min(r, max(0.0, s[2] - bottom - size * count))
+        near = min(r, max(0.0, s[2] - voxels.bottom_m - voxels.height_m * voxels.levels))
         c0, c1, r0, r1 = columns_between(s, a, near, r + FAR * delta[i], spread[i], u, v)
         model = SonarModel(delta[i], other_per_m, detection, share, empty)
         for k in range(r0, r1):
             for c in range(c0, c1):
                 if wanted[k, c]:
-                    in_cone(odds[k, c], bottom, size, u[c] - s[0], v[k] - s[1], s[2], a, r, spread[i], model)
+                    beside = Beside(u[c] - s[0], v[k] - s[1], s[2])
+                    in_cone(odds[k, c], voxels, beside, a, r, spread[i], model)
     return odds
 
 
@@ -162,11 +157,9 @@ def create(parameters: Parameters) -> FusionMethod:
         wanted = covered(kept, grid)
         delta = np.maximum(kept.sigma_m, parameters.delta_m)
         z = columns_over(kept, grid, parameters.voxel_m, 2.0 * FAR * float(np.max(delta)))
-        odds = log_odds(
-            kept.start_m, kept.axis, kept.range_m, kept.spread_rad, np.maximum(delta, z.height_m),
-            np.ascontiguousarray(grid.u_m), np.ascontiguousarray(grid.v_m), wanted, z.bottom_m, z.height_m, z.count,
-            parameters.detection, parameters.other_echo_per_m,
-        )  # fmt: skip
+        detection, other_per_m = parameters.detection, parameters.other_echo_per_m
+        delta_of_cell = np.maximum(delta, z.height_m)
+        odds = log_odds(kept.beams, delta_of_cell, nodes_of(grid, wanted), z, detection, other_per_m)
         height, sigma = crossings(odds, wanted, z.bottom_m, z.height_m)
         # The readings of overlapping cones repeat each other: no crossing is known better than one of them.
         return Estimate(height, np.hypot(sigma, float(np.median(delta))), used)

@@ -12,7 +12,7 @@ from typing import Self
 from surfuse.errors import ConfigError
 from surfuse.interfaces import Clock, MonotonicClock
 from surfuse.node.catalogue import Catalogue
-from surfuse.node.client import NodeClient
+from surfuse.node.client import Line, NodeClient
 from surfuse.node.counters import BusCounters, BusEvent, Tally
 from surfuse.node.link import BusLink, BusParameters, Link, open_bus
 from surfuse.node.messages import ALL_SENSORS, MAX_SENSORS, Heartbeat, KitMessage
@@ -82,13 +82,9 @@ class CanArray:
             parameters.node,
             dict(zip(numbers, fixture.specs, strict=True)),
             parameters.timeouts,
-            link,
-            Catalogue(parameters.catalogue),
-            clock,
-            tally,
+            Line(link, Catalogue(parameters.catalogue), clock, tally, monotonic_s),
             wave_speed_max_m_s=parameters.wave_speed_max_m_s,
             together=parameters.together,
-            monotonic_s=monotonic_s,
         )
         self._lost_sweeps = 0
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from surfuse.errors import DeviceError
 from surfuse.interfaces import Clock
@@ -43,6 +44,24 @@ _QUERY_PAUSE_S = 0.2
 _REMEMBERED_SWEEPS = 8
 
 
+@dataclass(frozen=True)
+class Line:
+    """What the conversation with a node goes over.
+
+    link : carries the frames; it is open.
+    catalogue : makes frames of messages and back.
+    clock : time of the readings, in s.
+    tally : counts what goes wrong on the bus.
+    monotonic_s : measures the waiting, which is real also when `clock` is simulated.
+    """
+
+    link: Link
+    catalogue: Catalogue
+    clock: Clock
+    tally: Tally
+    monotonic_s: Callable[[], float] = time.monotonic
+
+
 class NodeClient:
     """One node, asked over a link that is open.
 
@@ -50,9 +69,9 @@ class NodeClient:
     ----------
     node : its address, 1 to 7.
     specs : spec of each sensor that is asked, by its number in the node.
-    patience : waiting and asking again.
+    timeouts : waiting and asking again.
+    line : what the conversation goes over.
     wave_speed_max_m_s, together : see `Exchange`.
-    monotonic_s : measures the waiting, which is real also when `clock` is simulated.
     """
 
     def __init__(
@@ -60,19 +79,15 @@ class NodeClient:
         node: int,
         specs: dict[int, SensorSpec],
         timeouts: NodeTimeouts,
-        link: Link,
-        catalogue: Catalogue,
-        clock: Clock,
-        tally: Tally,
+        line: Line,
         *,
         wave_speed_max_m_s: float = 400.0,
         together: bool = False,
-        monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._node, self._specs, self._patience, self._speed_m_s = node, specs, timeouts, wave_speed_max_m_s
         self._together = together
-        self._link, self._catalogue, self._clock, self._tally = link, catalogue, clock, tally
-        self._monotonic_s = monotonic_s
+        self._link, self._catalogue, self._clock, self._tally = line.link, line.catalogue, line.clock, line.tally
+        self._monotonic_s = line.monotonic_s
         self._epoch = 0
         self._sequence = 0
         self._kit_sequence = 0

@@ -50,6 +50,18 @@ class Reach:
     reason: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class _Solutions:
+    """Of N targets in K configurations: `joints_rad` (N, K, J; nan: none) and which are within the limits (N, K).
+
+    `away` (N, K, S) is the distance from each of the arm's S singularities, in [0, 1].
+    """
+
+    joints_rad: FloatArray
+    valid: BoolArray
+    away: FloatArray
+
+
 def reach(
     world_from_grip: FloatArray,
     kinematics: Kinematics,
@@ -68,6 +80,7 @@ def reach(
         return Reach(np.zeros(0, dtype=bool), np.zeros((0, len(kinematics.lower_rad))), ())
     joints, valid = kinematics.inverse(targets)
     away = kinematics.singularity_distance(joints)
+    solutions = _Solutions(joints, valid, away)
     regular = np.all(away >= parameters.singularity_min, axis=-1)
     k, cleared = _best_configuration(joints, valid & regular, start_rad, clearance, parameters)
     chosen = joints[:, k]
@@ -77,7 +90,7 @@ def reach(
     path[~reached] = np.nan
     reasons = [""] * len(targets)
     for i in np.flatnonzero(~cleared).tolist():
-        reasons[i] = _reason(i, k, joints, valid, away, kinematics, clearance, parameters)
+        reasons[i] = _reason(i, k, solutions, kinematics, clearance, parameters)
     for i, words in blocked.items():
         reasons[i] = words
     return Reach(reached, path, tuple(reasons))
@@ -156,14 +169,13 @@ def _blocked_moves(
 def _reason(
     i: int,
     k: int,
-    joints: FloatArray,
-    valid: BoolArray,
-    away: FloatArray,
+    solutions: _Solutions,
     kinematics: Kinematics,
     clearance: ClearanceCheck | None,
     parameters: ReachParameters,
 ) -> str:
-    """Why stop i is not usable in configuration k."""
+    """Why stop i is not usable in configuration k; the words before the colon are the kind of the reason."""
+    joints, valid, away = solutions.joints_rad, solutions.valid, solutions.away
     if not np.any(np.isfinite(joints[i])):
         return "out of reach: the arm is too short, or the stop too near its first axis"
     if not valid[i, k]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,7 +13,17 @@ from surfuse.motion.control_law import Commands, ControlLaw
 from surfuse.records import FloatArray, IntArray
 from surfuse.servo_cards import registers as reg
 from surfuse.servo_cards.scales import CardScales, converter_words
-from surfuse.servo_cards.supervision import FINE, FOLLOWING, JUMP, OVERSPEED, STUCK, Supervision, measure
+from surfuse.servo_cards.supervision import (
+    FINE,
+    FOLLOWING,
+    JUMP,
+    OVERSPEED,
+    STUCK,
+    Measured,
+    Supervision,
+    Watch,
+    measure,
+)
 
 _REST_TICKS = 20
 _REST_LIMIT_S = 2.0
@@ -21,8 +31,26 @@ _HALT_S = 0.25
 _SLOW_RAD_S = 0.02
 
 
-ServoMemory = tuple[tuple[FloatArray, ...], tuple[IntArray, ...]]
-"""See `JointServo.memory`."""
+class Drive(NamedTuple):
+    """From torques of J joints to the card. `torque` (J,) in Nm and the words (J,) are of the last tick and move on.
+
+    `motor_torque` (J, J) is the transpose of the wrist's coupling, `counts_per_nm` (J,) the converters' scale.
+    `read_words` are the counters as the card showed them, `written_words` what the converters got.
+    """
+
+    motor_torque: FloatArray
+    counts_per_nm: FloatArray
+    torque: FloatArray
+    read_words: IntArray
+    written_words: IntArray
+
+
+class ServoMemory(NamedTuple):
+    """All that the servo works with, as kernels take it; a loop moves it on in place."""
+
+    watch: Watch
+    measured: Measured
+    drive: Drive
 
 
 @dataclass(frozen=True)
@@ -71,19 +99,28 @@ class JointServo:
         self._loop = loop
         self._scales = scales
         self._supervision = supervision
-        self._motor_torque = np.ascontiguousarray(scales.joint_from_motor.T)
-        self._counts_per_nm = np.asarray(scales.counts_per_nm)
-        self._constants = supervision.constants(scales, law.period_s)
-        self._joint_from_motor = np.ascontiguousarray(scales.joint_from_motor)
-        self._zero = np.asarray(scales.zero_rad)
-        self._new_words = np.zeros(joints, dtype=np.int64)
-        self._last_words = np.zeros(joints, dtype=np.int64)
-        self._counts = np.zeros(joints, dtype=np.int64)
-        self._position = np.zeros(joints)
-        self._velocity = np.zeros(joints)
-        self._anchor = np.zeros((4, joints))
-        self._torque = np.zeros(joints)
-        self._dac = np.full(joints, reg.DAC_ZERO, dtype=np.int64)
+        watch = Watch(
+            supervision.constants(scales, law.period_s),
+            np.ascontiguousarray(scales.joint_from_motor),
+            np.asarray(scales.zero_rad),
+        )
+        measured = Measured(
+            last_words=np.zeros(joints, dtype=np.int64),
+            counts=np.zeros(joints, dtype=np.int64),
+            position=np.zeros(joints),
+            velocity=np.zeros(joints),
+            anchor=np.zeros((4, joints)),
+        )
+        drive = Drive(
+            motor_torque=np.ascontiguousarray(scales.joint_from_motor.T),
+            counts_per_nm=np.asarray(scales.counts_per_nm),
+            torque=np.zeros(joints),
+            read_words=np.zeros(joints, dtype=np.int64),
+            written_words=np.full(joints, reg.DAC_ZERO, dtype=np.int64),
+        )
+        self.memory = ServoMemory(watch, measured, drive)
+        self._last_words, self._counts, self._position, self._velocity, self._anchor = measured
+        self._torque = drive.torque
         self._outputs = 0
         self._still = np.zeros(joints)
         self.stopped_because = "the power has not been switched on"
@@ -223,22 +260,6 @@ class JointServo:
         return ran
 
     @property
-    def memory(self) -> ServoMemory:
-        """Reals (constants, matrices, zero, scales, state, torque), then words and counts; a loop moves them on."""
-        reals = (
-            self._constants,
-            self._joint_from_motor,
-            self._zero,
-            self._motor_torque,
-            self._counts_per_nm,
-            self._position,
-            self._velocity,
-            self._anchor,
-            self._torque,
-        )
-        return reals, (self._new_words, self._last_words, self._counts, self._dac)
-
-    @property
     def law(self) -> ControlLaw:
         """The control law."""
         return self._law
@@ -254,8 +275,9 @@ class JointServo:
             self._stop(self._describe(code, wanted_rad))
         law_torque = self._torque
         self._law.torque(wanted_rad, wanted_rad_s, wanted_rad_s2, self._position, self._velocity, law_torque)
-        converter_words(law_torque, self._motor_torque, self._counts_per_nm, self._dac)
-        bus.write(reg.DAC_BASE, self._dac.tolist())
+        motor_torque, counts_per_nm, _, _, words = self.memory.drive
+        converter_words(law_torque, motor_torque, counts_per_nm, words)
+        bus.write(reg.DAC_BASE, words.tolist())
         self._outputs ^= reg.OUT_WATCHDOG
         bus.write(reg.DISCRETE_REG, (self._outputs,))
         passed = bus.wait(self._law.period_s)
@@ -295,20 +317,9 @@ class JointServo:
         raise SafetyStopError(f"{why}; power is off, brakes are on", cure="find the cause, then switch on again")
 
     def _observe(self, wanted_rad: FloatArray) -> int:
-        self._new_words[:] = self._bus.read(reg.ENC_COUNT_BASE, reg.JOINTS)
-        return measure(
-            self._new_words,
-            self._constants,
-            self._joint_from_motor,
-            self._zero,
-            wanted_rad,
-            self._torque,
-            self._last_words,
-            self._counts,
-            self._position,
-            self._velocity,
-            self._anchor,
-        )
+        watch, measured, drive = self.memory
+        drive.read_words[:] = self._bus.read(reg.ENC_COUNT_BASE, reg.JOINTS)
+        return measure(drive.read_words, watch, wanted_rad, drive.torque, measured)
 
     def _write_safe(self) -> None:
         self._bus.write(reg.DAC_BASE, [reg.DAC_ZERO] * reg.JOINTS)

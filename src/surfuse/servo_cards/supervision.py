@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,26 +57,42 @@ class Supervision:
 STANDARD_SUPERVISION = Supervision()
 
 
+class Watch(NamedTuple):
+    """What `measure` knows of J joints.
+
+    `constants` (5, J) are those of `Supervision.constants`, `joint_from_motor` (J, J) is the coupling of the wrist,
+    `zero` (J,) the joint angles in rad where all counts are 0.
+    """
+
+    constants: FloatArray
+    joint_from_motor: FloatArray
+    zero: FloatArray
+
+
+class Measured(NamedTuple):
+    """What `measure` keeps of J joints from tick to tick; all of it moves on.
+
+    `last_words` (J,) are the 16-bit counters of the tick before, `counts` (J,) the motor counts without overflow,
+    `position` (J,) in rad, `velocity` (J,) in rad/s, filtered. `anchor` (4, J) holds wanted joint (rad) and torque (Nm)
+    when the counter last moved, and the speed (rad/s) and travel (rad) that the torque alone should have given since.
+    """
+
+    last_words: IntArray
+    counts: IntArray
+    position: FloatArray
+    velocity: FloatArray
+    anchor: FloatArray
+
+
 @compiled
-def measure(
-    words: IntArray,
-    constants: FloatArray,
-    joint_from_motor: FloatArray,
-    zero: FloatArray,
-    wanted: FloatArray,
-    torque: FloatArray,
-    last_words: IntArray,
-    counts: IntArray,
-    position: FloatArray,
-    velocity: FloatArray,
-    anchor: FloatArray,
-) -> int:
+def measure(words: IntArray, watch: Watch, wanted: FloatArray, torque: FloatArray, state: Measured) -> int:
     """Take in the counters of one tick, and judge: -1, or 16 x kind + joint of the first limit that is broken.
 
-    `torque` (J,) is what was asked for at the tick before. `last_words`, `counts`, `position`, `velocity` (J,) move
-    on; `anchor` (4, J) holds wanted joint and torque when the counter last moved, and the speed and travel that the
-    torque alone should have given since then.
+    `words` (J,) are the counters as the card shows them. `wanted` (J,) in rad is of this tick, `torque` (J,) in Nm is
+    what was asked for at the tick before.
     """
+    constants, joint_from_motor, zero = watch
+    last_words, counts, position, velocity, anchor = state
     n = words.shape[0]
     following, stuck, jump = constants[4, 0], constants[4, 1], constants[4, 2]
     period, blend, timeouts = constants[4, 3], constants[4, 4], constants[4, 5]

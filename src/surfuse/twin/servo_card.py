@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,8 +15,26 @@ from surfuse.records import FloatArray, IntArray
 from surfuse.servo_cards import registers as reg
 from surfuse.servo_cards.scales import CardScales
 
-CardMemory = tuple[tuple[FloatArray, ...], tuple[FloatArray, ...], tuple[IntArray, ...]]
-"""See `SimulatedCard.memory`."""
+
+class CardMemory(NamedTuple):
+    """What the card works with for J motors, as kernels take it. `torque` and `absolute` to `before` (J,) move on.
+
+    `zero` (J,) in rad, `motor_from_joint` (J, J), `per_count` (J,) in rad; `torque_per_word` (J, J) in Nm, joint from
+    motor, and the joint `torque` (J,) in Nm. In counts: `absolute` position, `offset` of the counter, `frozen` word of
+    a counter that is stuck (-1: none), `before` the position of the tick before, `phase` and `turn` of the index.
+    """
+
+    zero: FloatArray
+    motor_from_joint: FloatArray
+    per_count: FloatArray
+    torque_per_word: FloatArray
+    torque: FloatArray
+    absolute: IntArray
+    offset: IntArray
+    frozen: IntArray
+    before: IntArray
+    phase: IntArray
+    turn: IntArray
 
 
 class Plant(Protocol):
@@ -165,10 +183,20 @@ class SimulatedCard:
 
     @property
     def memory(self) -> CardMemory:
-        """Scales, (torque per word, torques), and counts (absolute, offset, stuck, before, index phase and turn)."""
-        scales = self._zero, self._motor_from_joint, self._per_count
-        counts = self._absolute, self._offset, self._frozen, self._before, self._phase, self._turn
-        return scales, (self._torque_per_word, self._torque), counts
+        """The card's own arrays, for a loop that takes the ticks in its place; see `has_run`."""
+        return CardMemory(
+            self._zero,
+            self._motor_from_joint,
+            self._per_count,
+            self._torque_per_word,
+            self._torque,
+            self._absolute,
+            self._offset,
+            self._frozen,
+            self._before,
+            self._phase,
+            self._turn,
+        )
 
     def has_run(self, ticks: int, period_s: float, words: IntArray, passed: bool) -> None:
         """Take over what a loop over `memory` has done: its last converter words (J,), whether an index was passed."""

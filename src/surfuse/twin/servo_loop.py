@@ -6,10 +6,12 @@ same numbers to the last bit; it saves the way through Python at every tick.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from surfuse.geometry.compiled import compiled
-from surfuse.motion.control.computed_torque import ComputedTorque, computed_torque
+from surfuse.motion.control.computed_torque import ComputedTorque, TorqueLoop, computed_torque
 from surfuse.motion.control_law import Commands
 from surfuse.motion.newton_euler import RigidArm
 from surfuse.records import FloatArray
@@ -40,88 +42,92 @@ class CompiledTicks:
         if not (isinstance(law, ComputedTorque) and self._card.undisturbed):
             return Ran(0)
         period, steps = law.period_s, self._plant.steps_in(law.period_s)
-        wanted = (commands.position_rad, commands.velocity_rad_s, commands.acceleration_rad_s2)
-        goal = (np.inf, 0, 0) if until is None else (until.within_rad, until.in_a_row, until.seen)
+        wanted = Wanted(commands.position_rad, commands.velocity_rad_s, commands.acceleration_rad_s2)
+        goal = Goal(np.inf, 0, 0) if until is None else Goal(until.within_rad, until.in_a_row, until.seen)
+        end = first + until.left if until is not None else len(commands)
         ticks, code, seen, passed = _ticks(
             servo.memory,
             law.memory,
             self._card.memory,
             self._plant.memory,
             wanted,
-            first,
-            first + until.left if until is not None else len(commands),
+            (first, end),
             goal,
-            period / steps,
-            steps,
+            (period / steps, steps),
         )
         if ticks:
-            self._card.has_run(ticks, period, servo.memory[1][3], passed)
+            self._card.has_run(ticks, period, servo.memory.drive.written_words, passed)
         if until is None:
             return Ran(ticks, code)
         until.left, until.seen = until.left - ticks, seen
         return Ran(ticks, code, seen >= until.in_a_row)
 
 
+class Wanted(NamedTuple):
+    """`Commands` as the kernel takes them: (T, J) in rad, rad/s and rad/s^2."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+class Goal(NamedTuple):
+    """`SettleGoal` as the kernel takes it: nearness in rad, ticks in a row (0: nothing to arrive at), ticks so far."""
+
+    within: float
+    in_a_row: int
+    seen: int
+
+
 @compiled
 def _ticks(
     servo: ServoMemory,
-    law: tuple[RigidArm, tuple[FloatArray, ...]],
+    law: tuple[RigidArm, TorqueLoop],
     card: CardMemory,
     plant: PlantMemory,
-    wanted: tuple[FloatArray, FloatArray, FloatArray],
-    first: int,
-    end: int,
-    goal: tuple[float, int, int],
-    h: float,
-    steps: int,
+    wanted: Wanted,
+    span: tuple[int, int],
+    goal: Goal,
+    substeps: tuple[float, int],
 ) -> tuple[int, int, int, bool]:
-    """Ticks `first` to `end` of commands (T, J), the last of which is repeated; stops early for what Python must see.
+    """Ticks `span` (first, end) of commands, the last of which is repeated; stops early for what Python must see.
 
-    `goal`: nearness (rad), ticks in a row (0: nothing to arrive at), ticks so far. Returns ticks done, supervision's
-    verdict, ticks in a row, whether the last tick passed an index pulse.
+    `substeps` are the length (s) and number of the plant's steps in a tick. Returns ticks done, supervision's verdict,
+    ticks in a row, whether the last tick passed an index pulse.
     """
-    reals, numbers = servo
-    constants, joint_from_motor, servo_zero, motor_torque, counts_per_nm, position, velocity, anchor, torque = reals
-    new_words, last_words, counts, dac = numbers
+    watch, measured, (motor_torque, counts_per_nm, torque, read_words, written_words) = servo
+    position, velocity = measured.position, measured.velocity
     model, control = law
-    scales, powers, registers = card
-    zero, motor_from_joint, per_count = scales
-    torque_per_word, joint_torque = powers
-    absolute, offset, frozen, before, phase, turn = registers
-    arm, dry, ends, state, matrices, scratch = plant
-    positions, speeds, rates = wanted
+    zero, motor_from_joint, per_count, per_word, joint_torque, absolute, offset, frozen, before, phase, turn = card
+    joints = plant.position
+    first, end = span
     within, in_a_row, seen = goal
-    rows = positions.shape[0]
     for i in range(first, end):
-        row = min(i, rows - 1)
-        shown_words(absolute, offset, frozen, new_words)
-        code = measure(
-            new_words,
-            constants,
-            joint_from_motor,
-            servo_zero,
-            positions[row],
-            torque,
-            last_words,
-            counts,
-            position,
-            velocity,
-            anchor,
-        )
+        row = min(i, wanted.position.shape[0] - 1)
+        target = wanted.position[row]
+        shown_words(absolute, offset, frozen, read_words)
+        code = measure(read_words, watch, target, torque, measured)
         if code != FINE:
             return i - first, code, seen, False
-        computed_torque(model, control, positions[row], speeds[row], rates[row], position, velocity, torque)
-        converter_words(torque, motor_torque, counts_per_nm, dac)
-        joint_torques(dac, torque_per_word, joint_torque)
-        integrate(arm, dry, ends, state, matrices, scratch, joint_torque, h, steps)
+        speed, rate = wanted.velocity[row], wanted.acceleration[row]
+        computed_torque(model, control, target, speed, rate, position, velocity, torque)
+        converter_words(torque, motor_torque, counts_per_nm, written_words)
+        joint_torques(written_words, per_word, joint_torque)
+        integrate(plant, joint_torque, substeps[0], substeps[1])
         for j in range(before.shape[0]):
             before[j] = absolute[j]
-        absolute_counts(state[0], zero, motor_from_joint, per_count, absolute)
-        near = True
-        for j in range(position.shape[0]):
-            near = near and abs(positions[row, j] - position[j]) <= within
-        seen = seen + 1 if near else 0
+        absolute_counts(joints, zero, motor_from_joint, per_count, absolute)
+        seen = seen + 1 if _near(target, position, within) else 0
         passed = passed_index(before, absolute, phase, turn)
         if passed or (in_a_row > 0 and seen >= in_a_row):
             return i + 1 - first, FINE, seen, passed
     return end - first, FINE, seen, False
+
+
+@compiled
+def _near(wanted: FloatArray, measured: FloatArray, within: float) -> bool:
+    """Whether every joint (J,) is within so many radians of where it is wanted."""
+    near = True
+    for j in range(measured.shape[0]):
+        near = near and abs(wanted[j] - measured[j]) <= within
+    return near

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from surfuse.geometry.compiled import compiled
@@ -35,16 +37,35 @@ def first_crossings(impulse: FloatArray, burst: int, pole: float, threshold: flo
     return crossing, peak
 
 
+class Beam(NamedTuple):
+    """Sound of one `wavelength` (m); two-way `directivity` (K,) at equal steps of `angle_step` (rad) off the axis."""
+
+    wavelength: float
+    directivity: FloatArray
+    angle_step: float
+
+
+class RangeBins(NamedTuple):
+    """`bins` steps of `bin_m` each by range; the first one begins at `origin_m`."""
+
+    origin_m: float
+    bin_m: float
+    bins: int
+
+
 @compiled
 def plane_impulse(
-    tilt: float, edge_m: float, range_m: float, wavelength: float, directivity: FloatArray, angle_step: float,
-    patch_m: float, half_m: float, origin_m: float, bin_m: float, bins: int,
-) -> FloatArray:  # fmt: skip
-    """Coherent echo (1, bins, 2) by range of a smooth plane that begins at `edge_m` beside the axis.
+    tilt: float, edge_m: float, range_m: float, beam: Beam, patch_m: float, half_m: float, by_range: RangeBins
+) -> FloatArray:
+    """Coherent echo (1, bins, 2), real and imaginary part by range, of a smooth plane.
 
-    Physical optics: each patch sends cos(incidence) D^2 area 2 / (wavelength range) with the phase of its path; an
-    infinite facing plane then has amplitude 1. `directivity` is two-way over equal steps of the off-axis angle.
+    The plane crosses the axis at `range_m` and is turned by `tilt` (rad) about a line across it. It begins at `edge_m`
+    beside the axis and reaches `half_m` to all sides, cut in patches of `patch_m`. Physical optics: each patch sends
+    cos(incidence) D^2 area 2 / (wavelength range) with the phase of its path; an infinite facing plane then has
+    amplitude 1.
     """
+    wavelength, directivity, angle_step = beam
+    origin_m, bin_m, bins = by_range
     echo = np.zeros((1, bins, 2))
     cos_tilt, sin_tilt = np.cos(tilt), np.sin(tilt)
     count = int(2.0 * half_m / patch_m)
@@ -61,9 +82,9 @@ def plane_impulse(
             k = int(theta)
             if k >= directivity.shape[0] - 1:
                 continue
-            beam = directivity[k] + (theta - k) * (directivity[k + 1] - directivity[k])
+            two_way = directivity[k] + (theta - k) * (directivity[k + 1] - directivity[k])
             incidence = (depth * cos_tilt + x * sin_tilt) / rho
-            amplitude = 2.0 * beam * incidence * patch_m * patch_m * 2.0 / (wavelength * rho)
+            amplitude = 2.0 * two_way * incidence * patch_m * patch_m * 2.0 / (wavelength * rho)
             place = int((rho - origin_m) / bin_m)
             if 0 <= place < bins:
                 phase = 4.0 * np.pi * rho / wavelength

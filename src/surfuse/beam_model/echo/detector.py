@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import fresnel, j1
 
-from surfuse.beam_model.echo.crossing import first_crossings, plane_impulse
+from surfuse.beam_model.echo.crossing import Beam, RangeBins, first_crossings, plane_impulse
 from surfuse.records import FloatArray, SensorSpec
 
 SPEED_OF_SOUND_M_S = 343.2
@@ -193,7 +193,8 @@ def _smooth(two_way: FloatArray, wavelength_m: float, rise_m: float, range_m: fl
     angles = np.linspace(0.0, widest, SMOOTH_ANGLES)
     origin, bins = 0.85 * range_m, round(0.35 * range_m / FINE_BIN_M)
     half = range_m * float(np.tan(min(2.0 * widest + 0.05, 0.9)))
-    arguments = (range_m, wavelength_m, two_way, float(OFF_AXIS[1]), wavelength_m / 3.5, half, origin, FINE_BIN_M, bins)
+    beam, by_range = Beam(wavelength_m, two_way, float(OFF_AXIS[1])), RangeBins(origin, FINE_BIN_M, bins)
+    arguments = (range_m, beam, wavelength_m / 3.5, half, by_range)
     zero = _first(plane_impulse(0.0, -half, *arguments), wavelength_m, rise_m, model)
     found = np.zeros((2, len(angles)))
     for k, angle in enumerate(angles):

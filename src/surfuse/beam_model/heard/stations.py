@@ -114,22 +114,52 @@ def stated_sigma(readings: Readings, rows: IntArray) -> FloatArray:
     return np.where((own > 0.0) & np.isfinite(own), own, of_sensor)
 
 
-def gather(readings: Readings, scene: FusionScene) -> Stations:
-    """Merge repeats from one place by the mean of those that agree with their median, the better ones counting more."""
+@dataclass(frozen=True)
+class _Heard:
+    """The usable readings `row` (N,) of a scan, as columns (N,), in the part frame.
+
+    `position_m`, `axis` (N, 3): the beam begins at the mouth of the tube, and `range_m` counts from there. `spec` is
+    the index of the sensor kind. `sigma_m` of a reading, `sensor` its number.
+    """
+
+    row: IntArray
+    position_m: FloatArray
+    axis: FloatArray
+    range_m: FloatArray
+    sigma_m: FloatArray
+    amplitude: FloatArray
+    sensor: IntArray
+    spec: IntArray
+
+
+def _in_part_frame(readings: Readings, scene: FusionScene) -> _Heard:
+    """The readings that count, seen from the part."""
     rows = np.nonzero(usable(readings, scene))[0]
     part = scene.world_from_part
     position = (readings.position_m[rows] - part[:3, 3]) @ part[:3, :3]
     axis = readings.axis[rows] @ part[:3, :3]
     axis = axis / np.maximum(np.linalg.norm(axis, axis=1), 1e-12)[:, None]
-    sensor, amplitude = readings.sensor[rows], readings.amplitude[rows]
+    sensor = readings.sensor[rows]
     # The beam starts at the mouth of the tube; the range counts from the transducer behind it.
     dead = np.array([spec.dead_length_m for spec in readings.specs])[sensor]
-    position, range_m = position + dead[:, None] * axis, readings.range_m[rows] - dead
-    sigma = stated_sigma(readings, rows)
     number = {_kind(k): n for n, k in enumerate(kinds(readings.specs))}
     kind_of = np.array([number[_kind(k)] for k in readings.specs], dtype=np.int64)
-    spec = kind_of[sensor]
-    group = _groups(position, axis, spec)
+    return _Heard(
+        row=rows,
+        position_m=position + dead[:, None] * axis,
+        axis=axis,
+        range_m=readings.range_m[rows] - dead,
+        sigma_m=stated_sigma(readings, rows),
+        amplitude=readings.amplitude[rows],
+        sensor=sensor,
+        spec=kind_of[sensor],
+    )
+
+
+def _believed(heard: _Heard, sensors: int) -> tuple[IntArray, BoolArray, FloatArray]:
+    """Place of each reading (N,), whether it is believed (N,), and its sigma (N,) in m, larger at a torn place."""
+    sensor, range_m, sigma = heard.sensor, heard.range_m, heard.sigma_m
+    group = _groups(heard.position_m, heard.axis, heard.spec)
     agrees, size, median = _agreement(group, range_m, sigma)
     # Where only two meet and disagree, neither is believed more: both stay, as places of their own. So do all at a
     # place where the median has no follower (two against two), when that is no accident but the rule.
@@ -139,12 +169,22 @@ def gather(readings: Readings, scene: FusionScene) -> Stations:
         torn[:] = False
     sigma = np.where(torn, np.maximum(sigma, np.abs(range_m - median)), sigma)
     pair = ((size[group] == 2) & ~agrees) | torn
-    lying = _lying(sensor, agrees, (size[group] >= 3) & ~pair, len(readings.specs))
+    lying = _lying(sensor, agrees, (size[group] >= 3) & ~pair, sensors)
     keep = (agrees | pair) & ~lying[sensor]
-    group = np.where(pair, group.max(initial=0) + 1 + np.arange(len(group)), group)
+    return np.where(pair, group.max(initial=0) + 1 + np.arange(len(group)), group), keep, sigma
+
+
+def gather(readings: Readings, scene: FusionScene) -> Stations:
+    """Merge repeats from one place by the mean of those that agree with their median, the better ones counting more.
+
+    A mean is weighted by the inverse variances. Sensors that disagree with the others at most of the places which they
+    share are left out whole. Without a usable reading there are no stations.
+    """
+    heard = _in_part_frame(readings, scene)
+    group, keep, sigma = _believed(heard, len(readings.specs))
     of_reading = np.full(len(readings.range_m), -1, dtype=np.int64)
     names, station = np.unique(group[keep], return_inverse=True)
-    of_reading[rows[keep]] = station
+    of_reading[heard.row[keep]] = station
     count = np.bincount(station, minlength=len(names))
     # Inverse variances relative to the best reading of a station: equal readings have the weight 1 to the last bit.
     finest = np.full(len(names), np.inf)
@@ -157,11 +197,16 @@ def gather(readings: Readings, scene: FusionScene) -> Stations:
 
     first = np.zeros(len(names), dtype=np.int64)
     first[station[::-1]] = np.nonzero(keep)[0][::-1]
-    kind_spec = spec[first] if len(names) else np.zeros(0, dtype=np.int64)
     return Stations(
-        np.column_stack([mean(position[:, k]) for k in range(3)]), axis[first], mean(range_m),
-        mean(sigma) / np.sqrt(total), mean(amplitude), kind_spec, count, of_reading,
-    )  # fmt: skip
+        position_m=np.column_stack([mean(heard.position_m[:, k]) for k in range(3)]),
+        axis=heard.axis[first],
+        range_m=mean(heard.range_m),
+        sigma_m=mean(sigma) / np.sqrt(total),
+        amplitude=mean(heard.amplitude),
+        spec=heard.spec[first] if len(names) else np.zeros(0, dtype=np.int64),
+        count=count,
+        of_reading=of_reading,
+    )
 
 
 def spacing(stations: Stations) -> float:

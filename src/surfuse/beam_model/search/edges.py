@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from surfuse.beam_model.prior.raster import slopes
@@ -21,17 +23,35 @@ REACH = (1, 2, 4)
 EDGE_TEMPER = 4.0
 
 
-def grown(
-    height: FloatArray, su: FloatArray, sv: FloatArray, member: BoolArray, domain: BoolArray, g_m: float,
-    direction: tuple[int, int], cells: int,
-) -> FloatArray:  # fmt: skip
-    """The surface (R, C) with one piece continued by some cells in one direction over its neighbours."""
+@dataclass(frozen=True)
+class Surface:
+    """A surface with its slopes: `height_m`, `slope_u`, `slope_v` (R, C; dw/du, dw/dv), cells of `g_m`."""
+
+    height_m: FloatArray
+    slope_u: FloatArray
+    slope_v: FloatArray
+    g_m: float
+
+
+def sloped(p: Estimation, height: FloatArray, crease_m: float) -> Surface:
+    """A surface (R, C) in m with the slopes of its pieces; steps above `crease_m` between neighbours are edges."""
+    su, sv, _, _, _ = slopes(height, p.raster.domain, p.raster.g_m, crease_m)
+    return Surface(height, su, sv, p.raster.g_m)
+
+
+def grown(surface: Surface, member: BoolArray, domain: BoolArray, direction: tuple[int, int], cells: int) -> FloatArray:
+    """Heights (R, C) in m with one piece continued by some cells in one direction over its neighbours.
+
+    `member` (R, C) marks the piece, `domain` (R, C) the cells that have a height; `direction` is (row, column), one of
+    `DIRECTIONS`. The piece goes on with the slope of its last cell.
+    """
     dj, di = direction
-    result, inside = height.copy(), member.copy()
-    tall, wide = height.shape
+    g_m = surface.g_m
+    result, inside = surface.height_m.copy(), member.copy()
+    tall, wide = result.shape
     target = (slice(max(dj, 0), tall + min(dj, 0)), slice(max(di, 0), wide + min(di, 0)))
     source = (slice(max(-dj, 0), tall + min(-dj, 0)), slice(max(-di, 0), wide + min(-di, 0)))
-    lean_u, lean_v = su.copy(), sv.copy()
+    lean_u, lean_v = surface.slope_u.copy(), surface.slope_v.copy()
     for _ in range(cells):
         fresh = np.zeros_like(inside)
         fresh[target] = inside[source] & ~inside[target] & domain[target]
@@ -80,12 +100,12 @@ def settle(
     now = objective(p, height, heard, stiffness, 0.0)
     for _ in range(ROUNDS):
         number = pieces(height, r.domain, r.g_m, 2.0 * crease_m)
-        su, sv, _, _, _ = slopes(height, r.domain, r.g_m, crease_m)
+        surface = sloped(p, height, crease_m)
         best, best_height = now, None
         for name in candidates(number):
             for direction in DIRECTIONS:
                 for cells in steps:
-                    trial = grown(height, su, sv, number == name, r.domain, r.g_m, direction, cells)
+                    trial = grown(surface, number == name, r.domain, direction, cells)
                     value = objective(p, trial, arrivals(p, trial, crease_m), stiffness, 0.0)
                     if value < best:
                         best, best_height = value, trial
@@ -103,13 +123,12 @@ def rivals(p: Estimation, height: FloatArray, stiffness: Stiffness, crease_m: fl
     """
     r = p.raster
     number = pieces(height, r.domain, r.g_m, 2.0 * crease_m)
-    su, sv, _, _, _ = slopes(height, r.domain, r.g_m, crease_m)
     heard = arrivals(p, height, crease_m)
     cost, energy = misfit(p, heard, 0.0), p.plate.energy(height, stiffness)
     middle = p.stations.position_m + p.stations.axis * p.stations.range_m[:, None]
     near_m = float(np.median(p.stations.range_m)) * max(reach(table) for table in p.tables)
     second, weight = np.full(height.shape, np.nan), np.zeros(height.shape)
-    for j, i, other in _across(number, height, su, sv, r.g_m):
+    for j, i, other in _across(number, sloped(p, height, crease_m)):
         trial = height.copy()
         trial[j, i] = other
         u, v = r.u0_m + i * r.g_m, r.v0_m + j * r.g_m
@@ -120,11 +139,10 @@ def rivals(p: Estimation, height: FloatArray, stiffness: Stiffness, crease_m: fl
     return second, weight
 
 
-def _across(
-    number: IntArray, height: FloatArray, su: FloatArray, sv: FloatArray, g_m: float
-) -> list[tuple[int, int, float]]:
+def _across(number: IntArray, surface: Surface) -> list[tuple[int, int, float]]:
     """Cells next to another piece, with the height of that piece continued to them (the farther, if there are two)."""
     found: dict[tuple[int, int], float] = {}
+    height, su, sv, g_m = surface.height_m, surface.slope_u, surface.slope_v, surface.g_m
     rows, cols = height.shape
     for dj, di in DIRECTIONS:
         a = number[max(-dj, 0) : rows - max(dj, 0), max(-di, 0) : cols - max(di, 0)]

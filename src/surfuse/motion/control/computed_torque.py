@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +39,30 @@ class Parameters:
             raise ConfigError(f"breakaway_rad_s = {self.breakaway_rad_s}", cure="give a speed > 0 rad/s")
 
 
+class TorqueLoop(NamedTuple):
+    """The loop of J joints as kernels take it. `integral` and `acceleration` (J,) in rad/s^2 move on.
+
+    Gains per unit of inertia: `kp` (1/s^2), `kd` (1/s), `ki` (1/s^3). `dead_band` (rad): smaller errors are not
+    integrated. `period` in s; `natural` frequency in rad/s; `per_breakaway` is one over the speed at which dry friction
+    is compensated in full (s/rad). `integral_max` (J,) in rad/s^2, `viscous` (J,) in Nm s/rad, `dry` (J, 2) in Nm
+    forwards and backwards, `limit` (J,) in Nm.
+    """
+
+    kp: float
+    kd: float
+    ki: float
+    dead_band: float
+    period: float
+    natural: float
+    per_breakaway: float
+    integral_max: FloatArray
+    integral: FloatArray
+    acceleration: FloatArray
+    viscous: FloatArray
+    dry: FloatArray
+    limit: FloatArray
+
+
 class ComputedTorque:
     """Paul 1972; Markiewicz 1973; with friction compensation and an integrator for what the model does not know."""
 
@@ -46,27 +71,26 @@ class ComputedTorque:
     settle_rad = INTEGRATED_RAD
 
     def __init__(self, parameters: Parameters, surroundings: LawSurroundings) -> None:
-        dynamics = surroundings.dynamics
-        w = parameters.gains.natural_rad_s
-        self._gains = np.array(
-            [
-                w**2,
-                2.0 * parameters.gains.damping * w,
-                parameters.gains.integral_share * w**3,
-                parameters.gains.dead_band_rad,
-                self.period_s,
-                w,
-                1.0 / parameters.breakaway_rad_s,
-            ]
+        dynamics, gains = surroundings.dynamics, parameters.gains
+        w = gains.natural_rad_s
+        loop = TorqueLoop(
+            kp=w**2,
+            kd=2.0 * gains.damping * w,
+            ki=gains.integral_share * w**3,
+            dead_band=gains.dead_band_rad,
+            period=self.period_s,
+            natural=w,
+            per_breakaway=1.0 / parameters.breakaway_rad_s,
+            # No integrator may hold more than half of the torque as an acceleration of the least inertia.
+            integral_max=0.5 * dynamics.torque_max_nm / dynamics.armature_kg_m2,
+            integral=np.zeros(len(dynamics)),
+            acceleration=np.zeros(len(dynamics)),
+            viscous=parameters.friction_share * dynamics.viscous_nm_s,
+            dry=parameters.friction_share * dynamics.coulomb_nm,
+            limit=dynamics.torque_max_nm,
         )
-        self._viscous = parameters.friction_share * dynamics.viscous_nm_s
-        self._dry = parameters.friction_share * dynamics.coulomb_nm
-        self._limit_nm = dynamics.torque_max_nm
-        self._arguments = dynamics.kernel_arguments()
-        self._integral = np.zeros(len(dynamics))
-        # No integrator may hold more than half of the torque as an acceleration of the least inertia.
-        self._integral_max = 0.5 * dynamics.torque_max_nm / dynamics.armature_kg_m2
-        self._acceleration = np.zeros(len(dynamics))
+        self.memory: tuple[RigidArm, TorqueLoop] = (dynamics.kernel_arguments(), loop)
+        """What `computed_torque` takes first: the arm's model, and the loop with its integrators, which move on."""
 
     def commands(self, trajectory: Trajectory) -> Commands:
         """The motion at every tick."""
@@ -74,7 +98,7 @@ class ComputedTorque:
 
     def reset(self) -> None:
         """Empty the integrators."""
-        self._integral[:] = 0.0
+        self.memory[1].integral[:] = 0.0
 
     def torque(
         self,
@@ -88,19 +112,6 @@ class ComputedTorque:
         """See `ControlLaw.torque`."""
         computed_torque(*self.memory, wanted_rad, wanted_rad_s, wanted_rad_s2, measured_rad, measured_rad_s, torque_nm)
 
-    @property
-    def memory(self) -> tuple[RigidArm, tuple[FloatArray, ...]]:
-        """What `computed_torque` takes first: the arm's model, and the loop with its integrators, which move on."""
-        return self._arguments, (
-            self._gains,
-            self._integral_max,
-            self._integral,
-            self._acceleration,
-            self._viscous,
-            self._dry,
-            self._limit_nm,
-        )
-
 
 def create(parameters: Parameters) -> ComputedTorque:
     """The law for one arm."""
@@ -110,7 +121,7 @@ def create(parameters: Parameters) -> ComputedTorque:
 @compiled
 def computed_torque(
     model: RigidArm,
-    loop: tuple[FloatArray, ...],
+    loop: TorqueLoop,
     wanted: FloatArray,
     wanted_speed: FloatArray,
     wanted_rate: FloatArray,
@@ -119,48 +130,40 @@ def computed_torque(
     torque: FloatArray,
 ) -> None:
     """Write the joint torques (J,) of one tick."""
-    gains, integral_max, integral, acceleration, viscous, dry, limit = loop
-    _reference(gains, integral_max, wanted, wanted_speed, wanted_rate, measured, measured_speed, integral, acceleration)
-    newton_euler(model, measured, measured_speed, acceleration, torque)
-    _add_friction(gains, viscous, dry, limit, wanted, wanted_speed, measured, torque)
+    _reference(loop, wanted, wanted_speed, wanted_rate, measured, measured_speed)
+    newton_euler(model, measured, measured_speed, loop.acceleration, torque)
+    _add_friction(loop, wanted, wanted_speed, measured, torque)
 
 
 @compiled
 def _reference(
-    gains: FloatArray,
-    most: FloatArray,
+    loop: TorqueLoop,
     wanted: FloatArray,
     wanted_speed: FloatArray,
     wanted_rate: FloatArray,
     measured: FloatArray,
     measured_speed: FloatArray,
-    integral: FloatArray,
-    acceleration: FloatArray,
 ) -> None:
-    """Acceleration that the joints must have: the wanted one plus PID of the error."""
+    """Write the acceleration (J,) that the joints must have: the wanted one plus PID of the error."""
+    most, integral, acceleration = loop.integral_max, loop.integral, loop.acceleration
     for j in range(wanted.shape[0]):
         error = wanted[j] - measured[j]
-        if abs(error) > gains[3]:
-            integral[j] = min(max(integral[j] + gains[4] * gains[2] * error, -most[j]), most[j])
-        acceleration[j] = wanted_rate[j] + gains[0] * error + gains[1] * (wanted_speed[j] - measured_speed[j])
+        if abs(error) > loop.dead_band:
+            integral[j] = min(max(integral[j] + loop.period * loop.ki * error, -most[j]), most[j])
+        acceleration[j] = wanted_rate[j] + loop.kp * error + loop.kd * (wanted_speed[j] - measured_speed[j])
         acceleration[j] += integral[j]
 
 
 @compiled
 def _add_friction(
-    gains: FloatArray,
-    viscous: FloatArray,
-    dry: FloatArray,
-    limit: FloatArray,
-    wanted: FloatArray,
-    wanted_speed: FloatArray,
-    measured: FloatArray,
-    torque: FloatArray,
+    loop: TorqueLoop, wanted: FloatArray, wanted_speed: FloatArray, measured: FloatArray, torque: FloatArray
 ) -> None:
+    """Add the torques (J,) that friction takes at the reference speed, and keep the sums within the limits."""
+    viscous, dry, limit = loop.viscous, loop.dry, loop.limit
     for j in range(wanted.shape[0]):
         error = wanted[j] - measured[j]
         push = 0.0
-        if abs(error) > gains[3] or wanted_speed[j] != 0.0:
-            push = min(max((wanted_speed[j] + gains[5] * error) * gains[6], -1.0), 1.0)
+        if abs(error) > loop.dead_band or wanted_speed[j] != 0.0:
+            push = min(max((wanted_speed[j] + loop.natural * error) * loop.per_breakaway, -1.0), 1.0)
         total = torque[j] + viscous[j] * wanted_speed[j] + (dry[j, 0] if push > 0.0 else dry[j, 1]) * push
         torque[j] = min(max(total, -limit[j]), limit[j])

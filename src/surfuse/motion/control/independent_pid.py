@@ -9,6 +9,7 @@ import numpy as np
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import GIVEN_BY_RIG, surrounded
 from surfuse.motion.control_law import CREEPING_RAD, STANDARD_GAINS, Commands, LawSurroundings, LoopGains, every_tick
+from surfuse.motion.joint_loops import JointLoops, joint_loops
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray
 
@@ -37,13 +38,7 @@ class IndependentPid:
     def __init__(self, parameters: Parameters, surroundings: LawSurroundings) -> None:
         gains, dynamics = parameters.gains, surroundings.dynamics
         inertia = np.diag(dynamics.inertia(surroundings.nominal_rad))
-        w = gains.natural_rad_s
-        self._kp = inertia * w**2
-        self._kd = inertia * 2.0 * gains.damping * w
-        self._ki = inertia * gains.integral_share * w**3
-        self._dead_band_rad = gains.dead_band_rad
-        self._limit_nm = dynamics.torque_max_nm
-        self._integral = np.zeros(len(dynamics))
+        self._loops = joint_loops(gains, inertia, dynamics.torque_max_nm, self.period_s)
 
     def commands(self, trajectory: Trajectory) -> Commands:
         """The motion at every tick."""
@@ -51,7 +46,7 @@ class IndependentPid:
 
     def reset(self) -> None:
         """Empty the integrators."""
-        self._integral[:] = 0.0
+        self._loops.integral[:] = 0.0
 
     def torque(
         self,
@@ -63,20 +58,7 @@ class IndependentPid:
         torque_nm: FloatArray,
     ) -> None:
         """See `ControlLaw.torque`."""
-        _pid(
-            self._kp,
-            self._kd,
-            self._ki,
-            self._dead_band_rad,
-            self._limit_nm,
-            self.period_s,
-            wanted_rad,
-            wanted_rad_s,
-            measured_rad,
-            measured_rad_s,
-            self._integral,
-            torque_nm,
-        )
+        _pid(self._loops, wanted_rad, wanted_rad_s, measured_rad, measured_rad_s, torque_nm)
 
 
 def create(parameters: Parameters) -> IndependentPid:
@@ -86,19 +68,15 @@ def create(parameters: Parameters) -> IndependentPid:
 
 @compiled
 def _pid(
-    kp: FloatArray,
-    kd: FloatArray,
-    ki: FloatArray,
-    dead_band: float,
-    limit: FloatArray,
-    period: float,
+    loops: JointLoops,
     wanted: FloatArray,
     wanted_speed: FloatArray,
     measured: FloatArray,
     measured_speed: FloatArray,
-    integral: FloatArray,
     torque: FloatArray,
 ) -> None:
+    """Write the joint torques (J,) of one tick in Nm, and move the integrators on."""
+    kp, kd, ki, limit, integral, dead_band, period = loops
     for j in range(kp.shape[0]):
         error = wanted[j] - measured[j]
         if abs(error) > dead_band:

@@ -15,6 +15,7 @@ import numpy as np
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import GIVEN_BY_RIG, surrounded
 from surfuse.motion.control_law import CREEPING_RAD, STANDARD_GAINS, Commands, LawSurroundings, LoopGains
+from surfuse.motion.joint_loops import JointLoops, joint_loops
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray
 
@@ -43,14 +44,9 @@ class SetPoints28ms:
     def __init__(self, parameters: Parameters, surroundings: LawSurroundings) -> None:
         gains, dynamics = parameters.gains, surroundings.dynamics
         inertia = np.diag(dynamics.inertia(surroundings.nominal_rad))
-        w = gains.natural_rad_s
-        self._kp = inertia * w**2
+        loops = joint_loops(gains, inertia, dynamics.torque_max_nm, self.period_s)
         # Friction of the motor damps, too; the boards were adjusted with it.
-        self._kd = np.maximum(inertia * 2.0 * gains.damping * w - dynamics.viscous_nm_s, 0.0)
-        self._ki = inertia * gains.integral_share * w**3
-        self._dead_band_rad = gains.dead_band_rad
-        self._limit_nm = dynamics.torque_max_nm
-        self._integral = np.zeros(len(dynamics))
+        self._loops = loops._replace(kd=np.maximum(loops.kd - dynamics.viscous_nm_s, 0.0))
 
     def commands(self, trajectory: Trajectory) -> Commands:
         """Set points at whole multiples of 28 ms, interpolated; the last one is the first at or after the end."""
@@ -62,7 +58,7 @@ class SetPoints28ms:
 
     def reset(self) -> None:
         """Empty the integrators."""
-        self._integral[:] = 0.0
+        self._loops.integral[:] = 0.0
 
     def torque(
         self,
@@ -74,19 +70,7 @@ class SetPoints28ms:
         torque_nm: FloatArray,
     ) -> None:
         """See `ControlLaw.torque`; wanted speed and acceleration are not known to this controller."""
-        _damped(
-            self._kp,
-            self._kd,
-            self._ki,
-            self._dead_band_rad,
-            self._limit_nm,
-            self.period_s,
-            wanted_rad,
-            measured_rad,
-            measured_rad_s,
-            self._integral,
-            torque_nm,
-        )
+        _damped(self._loops, wanted_rad, measured_rad, measured_rad_s, torque_nm)
 
 
 def create(parameters: Parameters) -> SetPoints28ms:
@@ -96,18 +80,10 @@ def create(parameters: Parameters) -> SetPoints28ms:
 
 @compiled
 def _damped(
-    kp: FloatArray,
-    kd: FloatArray,
-    ki: FloatArray,
-    dead_band: float,
-    limit: FloatArray,
-    period: float,
-    wanted: FloatArray,
-    measured: FloatArray,
-    measured_speed: FloatArray,
-    integral: FloatArray,
-    torque: FloatArray,
+    loops: JointLoops, wanted: FloatArray, measured: FloatArray, measured_speed: FloatArray, torque: FloatArray
 ) -> None:
+    """Write the joint torques (J,) of one tick in Nm, and move the integrators on of joints near their set point."""
+    kp, kd, ki, limit, integral, dead_band, period = loops
     for j in range(kp.shape[0]):
         error = wanted[j] - measured[j]
         if dead_band < abs(error) < INTEGRAL_BAND_RAD:

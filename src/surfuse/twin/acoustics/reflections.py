@@ -79,7 +79,7 @@ def add_second_bounce(
         u, j = hit2[i], onward.parent[i]
         if u < 0:
             continue
-        path, miss2, along = _way_back(i, u, j, aim.mouth, rays, onward, triangles, back)
+        path, miss2, along = _way_back(i, u, aim.mouth, rays, onward, triangles, back)
         b2 = PATH_LOBE * PATH_LOBE * wavelength * path
         if path < 0.0 or miss2 > 20.0 * b2:
             continue
@@ -99,17 +99,18 @@ def add_second_bounce(
 def _way_back(
     i: int,
     u: int,
-    j: int,
     mouth: FloatArray,
     rays: Rays,
     onward: Onward,
     triangles: Triangles,
     back: FloatArray,
 ) -> tuple[float, float, float]:
-    """Length of a path over two surfaces (-1: it does not come back), squared miss, cosine at the second surface.
+    """Length of a path over two surfaces (m; -1: it does not come back), squared miss (m^2), cosine at the second one.
 
-    `back` (3,) receives the direction in which it passes the sensor.
+    The path is that of reflected ray `i` over the triangle `u` that it hits. `back` (3,) receives the unit direction in
+    which it passes the sensor, whose mouth is at `mouth` (3,) in world axes.
     """
+    j = onward.parent[i]
     ray, distance, normal = rays.ray, rays.distance[j], triangles.normal
     along = normal[u, 0] * onward.ray[i, 0] + normal[u, 1] * onward.ray[i, 1] + normal[u, 2] * onward.ray[i, 2]
     if abs(along) < _GRAZING:

@@ -6,43 +6,64 @@ The twin has its own formulas, unlike those of the controllers, so that a mistak
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from surfuse.geometry.compiled import compiled
 from surfuse.records import FloatArray
 
-Scratch = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""Memory of `motion_terms`, made once: asking for it at every step would take as long as the step."""
+
+class Bodies(NamedTuple):
+    """The J links of an arm in standard Denavit-Hartenberg form.
+
+    `d`, `a` (m), `alpha` (rad) and `mass` (kg) are (J,); `center` (J, 3) in m and `inertia` (J, 3, 3) in kg m^2, about
+    the centre, are in the frame of the link. `gravity` in m/s^2, along -z of the base.
+    """
+
+    d: FloatArray
+    a: FloatArray
+    alpha: FloatArray
+    mass: FloatArray
+    center: FloatArray
+    inertia: FloatArray
+    gravity: float
 
 
-@compiled
+class Frames(NamedTuple):
+    """Where the links are, in world axes: written anew for every position.
+
+    `axis` (J, 3) unit vectors of the joints, `origin` (J + 1, 3) of the base and of the link frames in m, `place`
+    (J, 3) centres of gravity in m, `spun` (J, 3, 3) inertias about them in kg m^2.
+    """
+
+    axis: FloatArray
+    origin: FloatArray
+    place: FloatArray
+    spun: FloatArray
+
+
+class Scratch(NamedTuple):
+    """Memory of `motion_terms`, made once: asking for it at every step would take as long as the step.
+
+    Room for forces and moments of the links (2, J, 3), for six vectors (6, 3), for two matrices (2, 3, 3).
+    """
+
+    frames: Frames
+    forces: FloatArray
+    small: FloatArray
+    square: FloatArray
+
+
 def scratch_of(joints: int) -> Scratch:
-    """Memory for an arm of J joints."""
-    rows = joints + 1
-    return (
-        np.empty((3, rows, 3)),
-        np.empty((joints, 3, 3)),
-        np.empty((2, joints, 3)),
-        np.empty((6, 3)),
-        np.empty((2, 3, 3)),
-    )
+    """Memory for an arm of J joints; its content does not matter."""
+    frames = Frames(np.empty((joints, 3)), np.empty((joints + 1, 3)), np.empty((joints, 3)), np.empty((joints, 3, 3)))
+    return Scratch(frames, np.empty((2, joints, 3)), np.empty((6, 3)), np.empty((2, 3, 3)))
 
 
 @compiled
 def motion_terms(
-    d: FloatArray,
-    a: FloatArray,
-    alpha: FloatArray,
-    mass: FloatArray,
-    center: FloatArray,
-    inertia: FloatArray,
-    gravity: float,
-    q: FloatArray,
-    qd: FloatArray,
-    matrix: FloatArray,
-    bias: FloatArray,
-    scratch: Scratch,
+    bodies: Bodies, q: FloatArray, qd: FloatArray, matrix: FloatArray, bias: FloatArray, scratch: Scratch
 ) -> None:
     """Write inertia (J, J) without motors and bias torques (J,) (Coriolis, centrifugal, gravity) of a state (J,).
 
@@ -50,28 +71,16 @@ def motion_terms(
     1982): column j is the momentum of everything beyond joint j when that joint alone turns at unit speed.
     `scratch` is what `scratch_of(J)` gives; its content does not matter.
     """
-    frames, spun, forces, small, square = scratch
-    axis, origin, place = frames[0], frames[1], frames[2]
-    _links(d, a, alpha, center, inertia, q, axis, origin, place, spun, square)
-    _composite(axis, origin, place, spun, mass, matrix, small, square)
-    _bias(axis, origin, place, spun, mass, gravity, qd, bias, forces, small)
+    _links(bodies, q, scratch.frames, scratch.square)
+    _composite(scratch.frames, bodies.mass, matrix, scratch.small, scratch.square)
+    _bias(bodies, scratch.frames, qd, bias, scratch.forces, scratch.small)
 
 
 @compiled
-def _links(
-    d: FloatArray,
-    a: FloatArray,
-    alpha: FloatArray,
-    center: FloatArray,
-    inertia: FloatArray,
-    q: FloatArray,
-    axis: FloatArray,
-    origin: FloatArray,
-    place: FloatArray,
-    spun: FloatArray,
-    square: FloatArray,
-) -> None:
-    """Joint axes and origins, centres of gravity and inertias of the links, all in world axes."""
+def _links(bodies: Bodies, q: FloatArray, frames: Frames, square: FloatArray) -> None:
+    """Write where the links are at joints (J,) in rad."""
+    d, a, alpha, center, inertia = bodies.d, bodies.a, bodies.alpha, bodies.center, bodies.inertia
+    axis, origin, place, spun = frames
     turn, half = square[0], square[1]
     turn[:] = 0.0
     turn[0, 0], turn[1, 1], turn[2, 2] = 1.0, 1.0, 1.0
@@ -98,16 +107,9 @@ def _links(
 
 
 @compiled
-def _composite(
-    axis: FloatArray,
-    origin: FloatArray,
-    place: FloatArray,
-    spun: FloatArray,
-    mass: FloatArray,
-    matrix: FloatArray,
-    small: FloatArray,
-    square: FloatArray,
-) -> None:
+def _composite(frames: Frames, mass: FloatArray, matrix: FloatArray, small: FloatArray, square: FloatArray) -> None:
+    """Write the inertia (J, J); mass and moments of the links beyond a joint are summed up from the tip."""
+    axis, origin, place, spun = frames
     n = mass.shape[0]
     total = 0.0
     first, second = small[0], square[0]
@@ -117,13 +119,13 @@ def _composite(
         j = n - 1 - step
         m = mass[j]
         c = place[j]
-        square = c[0] * c[0] + c[1] * c[1] + c[2] * c[2]
+        squared = c[0] * c[0] + c[1] * c[1] + c[2] * c[2]
         total += m
         for r in range(3):
             first[r] += m * c[r]
             for k in range(3):
                 second[r, k] += spun[j, r, k] - m * c[r] * c[k]
-            second[r, r] += m * square
+            second[r, r] += m * squared
         z, o = axis[j], origin[j]
         hx, hy, hz = first[0] - total * o[0], first[1] - total * o[1], first[2] - total * o[2]
         px, py, pz = z[1] * hz - z[2] * hy, z[2] * hx - z[0] * hz, z[0] * hy - z[1] * hx
@@ -143,17 +145,14 @@ def _composite(
 
 @compiled
 def _bias(
-    axis: FloatArray,
-    origin: FloatArray,
-    place: FloatArray,
-    spun: FloatArray,
-    mass: FloatArray,
-    gravity: float,
-    qd: FloatArray,
-    bias: FloatArray,
-    forces: FloatArray,
-    small: FloatArray,
+    bodies: Bodies, frames: Frames, qd: FloatArray, bias: FloatArray, forces: FloatArray, small: FloatArray
 ) -> None:
+    """Write the torques (J,) that speeds (J,) and weight need: accelerations outwards, then forces and moments inwards.
+
+    An upward acceleration of the base is the same as gravity.
+    """
+    axis, origin, place, spun = frames
+    mass, gravity = bodies.mass, bodies.gravity
     n = mass.shape[0]
     force, moment = forces[0], forces[1]
     w, e, point, there, f, m = small[0], small[1], small[2], small[3], small[4], small[5]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,12 +11,7 @@ from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.compiled import compiled
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.records import FloatArray
-from surfuse.twin.dynamics.equations import Scratch, motion_terms, scratch_of
-
-PlantMemory = tuple[
-    tuple[FloatArray, ...], FloatArray, tuple[FloatArray, ...], tuple[FloatArray, ...], FloatArray, Scratch
-]
-"""See `ArmPlant.memory`."""
+from surfuse.twin.dynamics.equations import Bodies, Scratch, motion_terms, scratch_of
 
 _SWEEPS = 30
 _STILL_RAD_S = 1e-9
@@ -41,6 +37,27 @@ class PlantParameters:
         for name in ("brake_share", "end_stop_rad"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise ConfigError(f"{name} = {getattr(self, name)}", cure="give 0 or more")
+
+
+class PlantMemory(NamedTuple):
+    """An arm of J joints as `integrate` takes it. `position`, `velocity` and `impulse` (J,) move on.
+
+    `armature` (J,) are the inertias of the motors in kg m^2, `viscous` (J,) in Nm s/rad, `dry` (2, J) the dry friction
+    of forward and backward motion in Nm, with the brakes. `low`, `high` (J,) are the mechanical stops in rad. `impulse`
+    in Nm s is the friction of the last step, from which the next one starts. `matrices` (5, J, J) is room to work.
+    """
+
+    bodies: Bodies
+    armature: FloatArray
+    viscous: FloatArray
+    dry: FloatArray
+    low: FloatArray
+    high: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    impulse: FloatArray
+    matrices: FloatArray
+    scratch: Scratch
 
 
 class ArmPlant:
@@ -71,17 +88,16 @@ class ArmPlant:
         self._velocity = np.zeros(joints)
         self._impulse = np.zeros(joints)
         # Attributes of the record are computed anew at every access; the loop needs them once.
-        self._arguments = (
+        self._bodies = Bodies(
             dynamics.d_m,
             dynamics.a_m,
             dynamics.alpha_rad,
             dynamics.mass_kg,
             dynamics.center_m,
             dynamics.inertia_kg_m2,
-            np.array([dynamics.gravity_m_s2]),
-            dynamics.armature_kg_m2,
-            dynamics.viscous_nm_s,
+            float(dynamics.gravity_m_s2),
         )
+        self._losses = dynamics.armature_kg_m2, dynamics.viscous_nm_s
         self._matrices, self._scratch = np.empty((5, joints, joints)), scratch_of(joints)
         self.brakes_on = True
         self.rest_at(start_rad)
@@ -123,7 +139,7 @@ class ArmPlant:
     def step(self, torque_nm: FloatArray, duration_s: float) -> None:
         """Let joint torques (J,) act for a while."""
         steps = self.steps_in(duration_s)
-        integrate(*self.memory, torque_nm, duration_s / steps, steps)
+        integrate(self.memory, torque_nm, duration_s / steps, steps)
 
     def steps_in(self, duration_s: float) -> int:
         """Number of integration steps in a time."""
@@ -131,32 +147,30 @@ class ArmPlant:
 
     @property
     def memory(self) -> PlantMemory:
-        """What `integrate` takes first: arm, friction, end stops, state (which moves on), and room to work."""
-        state = self._position, self._velocity, self._impulse
-        return self._arguments, self._dry, (self._low, self._high), state, self._matrices, self._scratch
+        """What `integrate` takes first; valid until the brakes are applied or released."""
+        return PlantMemory(
+            self._bodies,
+            *self._losses,
+            self._dry,
+            self._low,
+            self._high,
+            self._position,
+            self._velocity,
+            self._impulse,
+            self._matrices,
+            self._scratch,
+        )
 
 
 @compiled
-def integrate(
-    arm: tuple[FloatArray, ...],
-    dry: FloatArray,
-    ends: tuple[FloatArray, ...],
-    state: tuple[FloatArray, ...],
-    matrices: FloatArray,
-    scratch: Scratch,
-    torque: FloatArray,
-    h: float,
-    steps: int,
-) -> None:
-    """Let joint torques (J,) act for some steps of length h (s); see `ArmPlant`."""
-    d, a, alpha, mass, center, inertia, gravity, armature, viscous = arm
+def integrate(plant: PlantMemory, torque: FloatArray, h: float, steps: int) -> None:
+    """Let joint torques (J,) in Nm act for some steps of length h (s); see `ArmPlant`."""
+    bodies, armature, viscous, dry, low, high, q, qd, impulse, matrices, scratch = plant
     forwards, backwards = dry[0], dry[1]
-    low, high = ends
-    q, qd, impulse = state
     n = q.shape[0]
     matrix, mobility, lower, bias, momentum = matrices[0], matrices[1], matrices[2], matrices[3, 0], matrices[4, 0]
     for _ in range(steps):
-        motion_terms(d, a, alpha, mass, center, inertia, gravity[0], q, qd, matrix, bias, scratch)
+        motion_terms(bodies, q, qd, matrix, bias, scratch)
         for i in range(n):
             matrix[i, i] += armature[i]
             momentum[i] = h * (torque[i] - bias[i])
