@@ -11,7 +11,7 @@ import numpy as np
 from surfuse import __version__, registry, settings
 from surfuse.acquisition.station import take_sweep
 from surfuse.commands.acquire.locating import locate
-from surfuse.commands.acquire.plan_and_walk import plan_for, scene_of
+from surfuse.commands.acquire.planning import plan_for, scene_of
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
 from surfuse.commands.acquire.warm_up import compile_fusion
 from surfuse.commands.fuse.methods import create_method
