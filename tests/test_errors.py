@@ -49,6 +49,8 @@ def test_bad_data_and_bad_configuration_are_told_apart():
 
 def test_the_nearest_name_is_proposed_and_all_are_listed():
     assert nearest("reliev", ["tilted", "relief", "flat"]) == "did you mean 'relief'? valid: flat, relief, tilted"
+    assert nearest("fx", ["fx_px", "fixed"]).startswith("did you mean 'fx_px'?")
+    assert nearest("tfminiplus", ["tfmini", "tfmini-plus"]).startswith("did you mean 'tfmini-plus'?")
     assert nearest("cube", ["tilted", "relief", "flat"]) == "valid: flat, relief, tilted"
 
 

@@ -120,7 +120,7 @@ def test_doctor_lists_every_extra_with_its_command(tmp_path):
 
 def test_the_extras_are_those_of_the_distribution():
     project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text("utf-8"))["project"]
-    assert {extra.name for extra in EXTRAS} == set(project["optional-dependencies"]) - {"test", "plot"}
+    assert {extra.name for extra in EXTRAS} == set(project["optional-dependencies"]) - {"test"}
 
 
 def test_a_package_that_no_extra_brings_is_a_broken_installation():

@@ -81,16 +81,20 @@ class InterruptError(SurfuseError):
     exit_status = 130
 
 
+_SLIP, _LIKE = 0.9, 0.5  # how alike two names are, 1 for equal ones (Ratcliff and Obershelp)
+
+
 def nearest(name: str, valid: Iterable[str]) -> str:
     """Name the closest of the valid names, as the cure of an unknown-name error.
 
     One that begins like the name, or the other way round, is closer than one that only resembles it: `fx` is `fx_px`.
+    Closer still is one that differs by a slip of the pen.
     """
     names = sorted(valid)
     listing, asked = ", ".join(names), name.casefold()
     begun = [one for one in names if asked and (one.casefold().startswith(asked) or asked.startswith(one.casefold()))]
     begun.sort(key=lambda one: abs(len(one) - len(name)))
     folded = {one.casefold(): one for one in reversed(names)}
-    like = difflib.get_close_matches(asked, folded, n=1, cutoff=0.5)
-    close = begun[:1] or [folded[one] for one in like]
+    slip, like = (difflib.get_close_matches(asked, folded, n=1, cutoff=cutoff) for cutoff in (_SLIP, _LIKE))
+    close = [folded[one] for one in slip] or begun[:1] or [folded[one] for one in like]
     return f"did you mean '{close[0]}'? valid: {listing}" if close else f"valid: {listing}"

@@ -58,7 +58,7 @@ def test_the_clock_starts_when_the_method_has_fused_once(command, tmp_path, monk
     monkeypatch.setattr(SweepwiseFusion, "replay", lambda *given: happened.append("fuse") or replay(*given))
     monkeypatch.setattr(method_comparison, "fused", lambda *scan: happened.append("timed") or fused(*scan))
     monkeypatch.setattr(method_comparison.time, "perf_counter", lambda: happened.append("clock") or clock())
-    scan = method_comparison.opened(run, SilentWatcher())
+    scan = method_comparison.opened(method_comparison.LogSource(run), SilentWatcher())
     method_comparison.result_of(scan, FusionSettings(), "mean", method_comparison.grid_of(scan), None)
     assert happened[:2] == ["fuse", "clock"]
     assert happened.index("clock") < happened.index("timed")

@@ -30,7 +30,7 @@ from surfuse.records import (
     readings_from_sweeps,
 )
 from surfuse.records.columns import same
-from surfuse.registry import load, names
+from surfuse.registry import folders, listed, load, names
 
 SPEC = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 0.0003, frequency_hz=63e3, aperture_m=0.04)
 CORNERS = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) * 0.025
@@ -53,11 +53,18 @@ def contributed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     text = next(block for block in blocks if "per_stop" in block)
     (folder / f"{CONTRIBUTED}.py").write_text(text, encoding="utf-8")
     fusion.__path__.append(str(folder))
-    names.cache_clear()
+    _look_again()
     yield
     fusion.__path__.remove(str(folder))
     sys.modules.pop(f"surfuse.fusion.{CONTRIBUTED}", None)
-    names.cache_clear()
+    vars(fusion).pop(CONTRIBUTED, None)
+    _look_again()
+
+
+def _look_again() -> None:
+    """The registry remembers what it found: let it look once more."""
+    folders.found.cache_clear()
+    listed.listing.cache_clear()
 
 
 @pytest.fixture(params=(*names("fusion"), CONTRIBUTED))

@@ -14,14 +14,14 @@ import surfuse
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("[RC]*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").rglob("*.md")])
-FILE_ENDINGS = ("toml", "csv", "nc", "html", "md")
+FILE_ENDINGS = ("py", "toml", "csv", "nc", "html", "md")
 PLACES = (ROOT / "src" / "surfuse", ROOT, ROOT / "examples")
 ROOMS = {module.name for module in pkgutil.iter_modules(surfuse.__path__)}
 FILE = re.compile(r"`((?:[\w-]+/)+[\w-]+\.(?:py|dbc|md|toml)|(?:[\w-]+/)*[\w-]+/)`(?:: ((?:`\w+`(?:, )?)+))?")
 DOTTED = re.compile(r"`(?:surfuse\.)?(\w+(?:\.\w+)+)(?:\(\))?`")
 # Written by the reader or by a command.
 ELSEWHERE = re.compile(
-    r"^(runs|views|mine|turned|log|my_\w+|src/surfuse/fusion/my_\w+|src/surfuse/\w+/steady|\.venv)\b"
+    r"^(runs|views|mine|turned|log|my_\w+|src/surfuse/\w+/(my_\w+|steady)|tests/contracts/benches/\w+/my_\w+|\.venv)\b"
 )
 
 

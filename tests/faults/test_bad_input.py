@@ -73,7 +73,7 @@ def untouched(tmp_path, digests):
         (["compare", "missing"], 3, ["missing"]),
         (["evaluate", "missing", "--truth", "missing.ply"], 6, ["missing"]),
         (["evaluate", "missing"], 2, ["--truth"]),
-        (["report", "missing"], 3, ["missing", "surface.nc"]),
+        (["report", "missing"], 3, ["missing", "no such folder", "give a run folder"]),
         (["resume", "missing"], 3, ["missing", "no such folder"]),
         (["view", "missing"], 6, ["missing"]),
         (["view", "missing", "--port", "99999"], 2, ["--port", "65535"]),
@@ -216,10 +216,13 @@ def test_a_part_beside_the_table(command, tmp_path, radius_m):
     command(*words).error(3, "off the table", f"{radius_m:.3f}", "scene.radius_m")
 
 
-@pytest.mark.parametrize("standoff_m", [0.1, 2.0])
-def test_a_part_out_of_reach_is_told_before_the_arm_moves(command, tmp_path, standoff_m):
+@pytest.mark.parametrize(
+    ("standoff_m", "told"),
+    [(0.1, ["nearer than the 0.200 m of its tube", "give a standoff above 0.23"]), (2.0, ["not one of", "out of reach"])],
+)
+def test_a_part_out_of_reach_is_told_before_the_arm_moves(command, tmp_path, standoff_m, told):
     words = ("acquire", "flat", "--set", f"scan.standoff_m={standoff_m}", *QUICK, "--out", tmp_path / "run")
-    command(*words).error(3, "not one of", "out of reach", "scan.standoff_m")
+    command(*words).error(3, "scan.standoff_m", *told)
     assert not (tmp_path / "run" / "surface.nc").exists()
 
 
@@ -229,8 +232,12 @@ def test_a_part_that_the_camera_does_not_see(command, tmp_path):
 
 
 def test_a_scan_without_one_echo_says_so_and_keeps_everything(command, tmp_path):
-    words = ("acquire", "flat", "--set", "kit.blanking_s=0.02", *QUICK, "--out", tmp_path / "run")
-    command(*words).error(3, "complete", "none of its", "gave a value")
+    words = ("acquire", "flat", "--set", "kit.gain=0.001", *QUICK, "--out", tmp_path / "run")
+    answer = command(*words)
+    *notes, last = answer.err.splitlines()
+    assert (answer.status, answer.out) == (3, "")
+    assert any("only 0 of 124 readings are echoes" in note for note in notes)
+    assert "the scan is complete, but none of its 31 stops gave a value" in last
     assert (tmp_path / "run" / "report.html").is_file()
     assert command("resume", tmp_path / "run", "--quiet").status == 0
 
@@ -296,7 +303,7 @@ def test_maps_that_are_none(command, tmp_path, flat_run):
         command("export", tmp_path / name, tmp_path / "out.ply").error(3, name)
         assert not (tmp_path / "out.ply").exists()
     command("evaluate", flat_run, "--truth", tmp_path / "text.nc").error(3, "text.nc")
-    command("evaluate", flat_run, "--truth", flat_run / "run.toml").error(2, "'.toml'")
+    command("evaluate", flat_run, "--truth", flat_run / "run.toml").error(3, "run.toml", "a .toml holds no map")
 
 
 def test_truth_that_is_elsewhere_is_no_score(command, tmp_path, flat_run):

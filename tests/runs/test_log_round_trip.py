@@ -223,7 +223,7 @@ def test_load_scan_takes_run_folder_log_folder_and_segment(tmp_path, scans):
 def test_a_file_that_is_no_log_is_refused(tmp_path, content):
     path = tmp_path / "x.mcap"
     path.write_bytes(content)
-    with pytest.raises(DataError, match="found"):
+    with pytest.raises(DataError, match=r"x\.mcap: nothing in it can be read as an MCAP log; give a run folder"):
         load_scan(path)
 
 

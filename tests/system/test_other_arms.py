@@ -118,11 +118,11 @@ def test_a_bad_arm_is_one_clear_error(command, tmp_path, case: str) -> None:
     ("options", "told"),
     [
         (("--tool", "flange"), "arm.tool = 'flange' without an arm file; give arm.file"),
-        (("--arm", "gone.xml", "--tool", "flange"), "cannot read the arm file"),
+        (("--arm", "gone.xml", "--tool", "flange"), "gone.xml: there is no such file; give an MJCF or URDF file"),
         (("--arm-driver", "tridnet"), "'trident' or 'kinematic'"),
         (
             ("--set", "arm.law=computed_torqe"),
-            "'computed_torque', 'gravity_pd', 'independent_pid' or 'set_points_28ms'",
+            "did you mean 'computed_torque'? valid: computed_torque, gravity_pd, independent_pid, set_points_28ms",
         ),
         (("--set", "arm.fixture_kg=2.7"), "a load of 2.7 kg, the PUMA 560 carries 2.5 kg; lighten the tool"),
     ],

@@ -10,8 +10,9 @@ from pathlib import Path
 from surfuse.commands.explain.map_source import MapSource
 from surfuse.commands.fuse.map_of_log import fused, grid_of, require_cells
 from surfuse.commands.fuse.methods import create_method, method_lines
-from surfuse.commands.judge.evaluation import MapScore, file_score, map_score
+from surfuse.commands.judge.evaluation import MapScore, have_common_cells, map_score
 from surfuse.commands.judge.findings import findings_of
+from surfuse.commands.judge.truth_files import edge_truth, read_truth
 from surfuse.commands.maps.map_files import map_path, read_map
 from surfuse.door.arguments import FilePath, finite_number, path_of, plain_values, shown
 from surfuse.door.logs import Log
@@ -22,6 +23,8 @@ from surfuse.interfaces import FusionMethod
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import require_echoes
 from surfuse.settings import FusionSettings, from_tree
+
+_ELSEWHERE = "map and truth have no cell in common"
 
 
 def methods() -> dict[str, str]:
@@ -111,9 +114,16 @@ def evaluate(surface: SurfaceMap | FilePath, truth: SurfaceMap | FilePath, scale
     if isinstance(truth, SurfaceMap):
         found = map_score(record, truth.record, truth.record)
         if found.cells == 0:
-            raise DataError("map and truth have no cell in common", cure="give truth in the frame of the readings")
+            raise DataError(_ELSEWHERE, cure="give truth in the frame of the readings")
         return found
     file, factor = path_of(truth, "truth"), finite_number(scale, "scale")
     if not factor > 0.0:
         raise UsageError(f"scale = {factor:g}", cure="give a factor > 0, 0.001 for millimetres")
-    return file_score(record, file, factor)
+    true = read_truth(file, record.grid, factor)
+    if not have_common_cells(record, true):
+        raise DataError(
+            _ELSEWHERE,
+            where=str(file),
+            cure="give truth in the frame of the readings; scale=0.001 if its numbers are millimetres",
+        )
+    return map_score(record, true, edge_truth(file, record.grid, factor))

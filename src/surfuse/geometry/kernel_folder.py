@@ -20,6 +20,7 @@ from pathlib import Path
 from numba import config
 
 PACKAGE = Path(__file__).resolve().parents[1]
+POSIX = sys.platform != "win32" and "geteuid" in vars(os)
 
 
 @dataclass(frozen=True)
@@ -90,9 +91,9 @@ def _usable(path: Path) -> bool:
 def only_ours(path: Path) -> bool:
     """Whether nobody but this user and root can put files into a folder, nor move one above it out of the way.
 
-    Windows keeps the folders of a user private by inherited rights that are not looked at here.
+    Without POSIX the folders of a user are private by inherited rights that are not looked at here.
     """
-    if sys.platform == "win32":
+    if not POSIX:
         return True
     for folder in (path, *path.parents):
         found = folder.stat()

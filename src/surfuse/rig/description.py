@@ -46,18 +46,28 @@ def array_spec(settings: Settings, name: str) -> SensorSpec:
     kit = settings.kit
     usual = polaroid.SPEC if kit.tube_length_m > 0.0 else polaroid.BARE_SPEC
     firing_s = settings.pings * PING_PERIOD_S
-    return replace(_heard_from(usual, settings), name=name, dead_length_m=kit.tube_length_m, firing_time_s=firing_s)
+    return replace(
+        usual,
+        name=name,
+        frequency_hz=kit.frequency_hz,
+        range_min_m=nearest_range_m(settings, kit.tube_length_m),
+        dead_length_m=kit.tube_length_m,
+        firing_time_s=firing_s,
+    )
 
 
 def shoulder_spec(settings: Settings) -> SensorSpec:
     """The bare ranger on the shoulder."""
-    return replace(_heard_from(polaroid.BARE_SPEC, settings), name="us_shoulder")
+    nearest_m = nearest_range_m(settings, polaroid.BARE_SPEC.dead_length_m)
+    return replace(
+        polaroid.BARE_SPEC, name="us_shoulder", frequency_hz=settings.kit.frequency_hz, range_min_m=nearest_m
+    )
 
 
-def _heard_from(spec: SensorSpec, settings: Settings) -> SensorSpec:
-    """A spec with the kit's frequency and the nearest range that its blanking leaves."""
-    nearest_m = 0.5 * speed_of_sound(settings.air.assumed_temperature_c) * settings.kit.blanking_s
-    return replace(spec, frequency_hz=settings.kit.frequency_hz, range_min_m=nearest_m)
+def nearest_range_m(settings: Settings, dead_length_m: float) -> float:
+    """The nearest range that the kit's blanking leaves; inside of the tube there is nothing to be heard."""
+    blanked_m = 0.5 * speed_of_sound(settings.air.assumed_temperature_c) * settings.kit.blanking_s
+    return max(blanked_m, dead_length_m)
 
 
 def camera_model(settings: Settings) -> CameraModel:

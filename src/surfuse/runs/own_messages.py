@@ -138,10 +138,12 @@ def _sensor_record(message: Decoded) -> SensorSpec:
     frequency, aperture = _number(message, "frequency_hz"), _number(message, "aperture_m")
     # Logs from before sensors had such a table do not hold the field.
     late = [_late_record(one) for one in _list(message, "late")] if _has(message, "late") else []
+    dead_length_m = _number(message, "dead_length_m")
     return SensorSpec(
         name=_text(message, "name"),
         kind=_text(message, "kind"),
-        range_min_m=_number(message, "range_min_m"),
+        # Version 0.1.0 wrote what the blanking left, also where that lay inside of the tube.
+        range_min_m=max(_number(message, "range_min_m"), dead_length_m),
         range_max_m=_number(message, "range_max_m"),
         beam_full_angle_rad=_number(message, "beam_full_angle_rad"),
         sigma_m=_number(message, "sigma_m"),
@@ -149,7 +151,7 @@ def _sensor_record(message: Decoded) -> SensorSpec:
         firing_time_s=_number(message, "firing_time_s"),
         frequency_hz=None if math.isnan(frequency) else frequency,
         aperture_m=None if math.isnan(aperture) else aperture,
-        dead_length_m=_number(message, "dead_length_m"),
+        dead_length_m=dead_length_m,
         late=late[0] if late else None,
     )
 

@@ -36,7 +36,7 @@ _STOPS = 12
 _PROGRAM = """
 import sys
 sys.path.append(sys.argv[1])
-from surfuse.pipeline.warm_up import compile_last
+from surfuse.commands.acquire.warm_up import compile_last
 compile_last(sys.argv[2])
 """
 

@@ -76,6 +76,11 @@ def map_score(surface: SurfaceMap, truth: SurfaceMap, fine_truth: SurfaceMap) ->
     return MapScore(score(surface, truth), share_within(surface, truth, NEAR_M), edge_of(surface, fine_truth))
 
 
+def have_common_cells(surface: SurfaceMap, truth: SurfaceMap) -> bool:
+    """Whether there is a cell where map and truth both have a value."""
+    return bool(np.any(np.isfinite(error_map(surface, truth))))
+
+
 def file_score(
     surface: SurfaceMap, truth_path: Path, scale: float = 1.0, frame: TruthFrame = TruthFrame.AUTO
 ) -> MapScore:
@@ -86,7 +91,7 @@ def file_score(
     DataError : the truth cannot be used, or there is no cell in common in that frame.
     """
     truth = read_truth(truth_path, surface.grid, scale, frame)
-    if not np.any(np.isfinite(error_map(surface, truth))):
+    if not have_common_cells(surface, truth):
         raise nothing_in_common(truth_path, frame)
     return map_score(surface, truth, edge_truth(truth_path, surface.grid, scale, frame))
 

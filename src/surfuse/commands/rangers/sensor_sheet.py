@@ -269,7 +269,7 @@ def _limit(curve: Curve) -> float | None:
 
 def _nearest(spec: SensorSpec, seed: int) -> float | None:
     """Nearest distance of a facing plate that is read to 5 mm, to 1 mm; limits of the spec are not heeded."""
-    bench = Bench(replace(spec, range_min_m=0.0), seed=seed)
+    bench = Bench(replace(spec, range_min_m=spec.dead_length_m), seed=seed)
     for distance in np.arange(spec.dead_length_m + 0.01, min(1.0, spec.range_max_m), 0.001):
         errors = bench.measure(float(distance), 0.0, 1).errors_m()
         if len(errors) and abs(errors[0]) < _RIGHT_M:

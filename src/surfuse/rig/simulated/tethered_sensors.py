@@ -51,11 +51,9 @@ class TetheredSensors:
         if self._world is None:
             raise DeviceError("no host has said where the sensors are", cure="run `surfuse acquire --node udp`")
         kit = kit_from_message(told, self._world.kit(self._fixture.specs[number]))
-        spec = replace(
-            self._fixture.specs[number],
-            frequency_hz=kit.frequency_hz,
-            range_min_m=0.5 * self._world.assumed_speed_m_s * kit.blanking_s,
-        )
+        usual = self._fixture.specs[number]
+        blanked_m = 0.5 * self._world.assumed_speed_m_s * kit.blanking_s
+        spec = replace(usual, frequency_hz=kit.frequency_hz, range_min_m=max(blanked_m, usual.dead_length_m))
         specs = (*self._fixture.specs[:number], spec, *self._fixture.specs[number + 1 :])
         self._fixture = Fixture(self._fixture.grip_from_sensor, specs)
         self._world.set_kit(spec.name, kit)
