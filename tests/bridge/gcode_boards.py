@@ -7,13 +7,11 @@ Interface" (real-time ?, !, Ctrl-X; status reports; error and alarm numbers).
 import os
 import re
 import select
-import sys
 import threading
 import tty
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent / "stand_ins"))
-from motion import Traveller
+# As a part of their folder: the stand-ins have the names of the makers' packages, which no test here may find.
+from stand_ins.motion import Traveller
 
 
 class Board:

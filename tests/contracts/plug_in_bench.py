@@ -8,10 +8,13 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import get_type_hints
 
 import cv2
 import pytest
 
+from surfuse import registry
+from surfuse.interfaces import PoseArm
 from surfuse.records import FloatArray
 
 BENCHES = Path(__file__).parent / "benches"
@@ -64,6 +67,23 @@ class ArmBench:
 
 
 @dataclass(frozen=True)
+class PoseArmBench:
+    """An arm that is sent to poses, with its stand-in.
+
+    It can be sent to `world_from_tool` (4, 4) and arrives there within `close_m`, and cannot take `out_of_reach` (4, 4).
+    `displace` moves the tool without being asked, `vanish` takes the arm away.
+    """
+
+    parameters: object
+    values: Mapping[str, object]
+    world_from_tool: FloatArray
+    out_of_reach: FloatArray
+    close_m: float
+    displace: Callable[[], object]
+    vanish: Callable[[], object]
+
+
+@dataclass(frozen=True)
 class CameraBench:
     """A camera with its stand-in that shows more than one picture."""
 
@@ -79,6 +99,12 @@ class LawBench:
 
     parameters: object
     values: Mapping[str, object]
+
+
+def arm_names(*, takes_poses: bool) -> tuple[str, ...]:
+    """Names of the built-in arms that take poses of their tool, or of those that take joints."""
+    made = {name: get_type_hints(registry.load("arms", name).create)["return"] for name in registry.found("arms").built_in}
+    return tuple(name for name, kind in made.items() if issubclass(kind, PoseArm) == takes_poses)
 
 
 def names_of(kind: str) -> set[str]:

@@ -108,7 +108,7 @@ def result_of(
 
     Its seconds are those of the fusion alone: its kernels are compiled or loaded before, on a small scan.
     """
-    with suppress(SurfuseError):
+    with suppress(Exception):  # what fails here fails below, where it is told
         create_method(settings, name).replay(*small_scan())
     began = time.perf_counter()
     try:
