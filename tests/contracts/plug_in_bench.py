@@ -12,6 +12,7 @@ from types import ModuleType
 import cv2
 import pytest
 
+from surfuse import registry
 from surfuse.records import FloatArray
 
 BENCHES = Path(__file__).parent / "benches"
@@ -64,6 +65,21 @@ class ArmBench:
 
 
 @dataclass(frozen=True)
+class PoseArmBench:
+    """An arm that goes to poses, with its stand-in: it can be sent to `target` (4, 4), and cannot go to `beyond`.
+
+    It arrives within `close_m`. `vanish` takes the arm away.
+    """
+
+    parameters: object
+    values: Mapping[str, object]
+    target: FloatArray
+    beyond: FloatArray
+    close_m: float
+    vanish: Callable[[], object] | None = None
+
+
+@dataclass(frozen=True)
 class CameraBench:
     """A camera with its stand-in that shows more than one picture."""
 
@@ -97,6 +113,12 @@ def bench_module(kind: str, name: str) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def arms_that_take(poses: bool) -> list[str]:
+    """Names of the built-in arms that take poses, or of those that take joints: which is said by their benches."""
+    names = registry.found("arms").built_in
+    return [name for name in names if bench_module("arms", name).TAKES_POSES is poses]
 
 
 def opened_bench(kind: str, name: str, folder: Path) -> AbstractContextManager[object]:

@@ -1,4 +1,4 @@
-"""What every arm does, whatever drives it: each against its stand-in."""
+"""What every arm that takes joints does, whatever drives it: each against its stand-in."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 sys.path.insert(0, str(Path(__file__).parent))
-from plug_in_bench import ArmBench, nothing_opened, opened_bench
+from plug_in_bench import ArmBench, arms_that_take, nothing_opened, opened_bench
 
 from surfuse import registry
 from surfuse.errors import DeviceError, SafetyStopError
 from surfuse.records import FloatArray, JointState
 
 
-@pytest.fixture(params=registry.found("arms").built_in)
+@pytest.fixture(params=arms_that_take(poses=False))
 def name(request) -> str:
     return request.param
 

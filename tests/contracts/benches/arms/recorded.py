@@ -9,6 +9,8 @@ from surfuse.arm_models.puma560 import LIMITS, READY_RAD, Puma560
 from surfuse.arms.recorded import Parameters, Surroundings
 from surfuse.records import JointState
 
+TAKES_POSES = False
+
 
 @contextmanager
 def bench(folder):

@@ -25,6 +25,8 @@ class ShakyWorld:
     def begin(self, stage, index):
         raise NotImplementedError
 
+TAKES_POSES = False
+
 
 @contextmanager
 def bench(folder):

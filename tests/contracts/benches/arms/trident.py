@@ -11,6 +11,8 @@ from surfuse.arms.trident import Parameters
 sys.path.insert(0, str(Path(__file__).parents[3] / "arms"))
 from trident_bench import TARGET, Bench
 
+TAKES_POSES = False
+
 
 @contextmanager
 def bench(folder):
