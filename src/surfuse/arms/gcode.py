@@ -18,14 +18,11 @@ from surfuse.errors import ConfigError, DeviceError, SafetyStopError, Unreachabl
 from surfuse.interfaces import GIVEN_BY_RIG, PoseArmSurroundings
 from surfuse.records import BoolArray, FloatArray, ToolState
 from surfuse.serial_line.gcode_board import Connection, GcodeBoard
-from surfuse.serial_line.gcode_sharing import given_back, taken
+from surfuse.serial_line.gcode_sharing import check_dialect, given_back, taken
 from surfuse.serial_line.gcode_words import Millimetres, axes_words, shown
-from surfuse.serial_line.grbl import Grbl
-from surfuse.serial_line.marlin import Marlin
 
 SUMMARY = "a gantry with a Marlin, Klipper or GRBL board, on a serial port"
 NEEDS = ("serial",)
-BOARDS: dict[str, type[GcodeBoard]] = {"marlin": Marlin, "grbl": Grbl}
 ALONE = PoseArmSurroundings()
 _READS = 6
 _SAME_MM = 0.02
@@ -66,8 +63,7 @@ class Parameters:
     surroundings: PoseArmSurroundings = field(default=ALONE, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
-        if self.dialect not in BOARDS:
-            raise ConfigError(f"dialect = '{self.dialect}'", cure="valid: marlin, grbl")
+        check_dialect(self.dialect)
         _ = self.connection, self.machine
         for name, high in _POSITIVE.items():
             if not 0.0 < getattr(self, name) <= high:
@@ -107,7 +103,7 @@ class GcodeArm:
         self._moving = False
 
     def __enter__(self) -> Self:
-        board = taken(BOARDS[self._parameters.dialect](self._parameters.connection))
+        board = taken(self._parameters.dialect, self._parameters.connection)
         try:
             if self._parameters.home:
                 board.home(self._parameters.move_timeout_s)

@@ -140,8 +140,8 @@ class GcodeBoard(ABC):
         ------
         DeviceError : the port has vanished, or the machine does not come to rest.
         """
-        self._line.write(self._stop_bytes)
         self._stopped = True
+        self._line.write(self._stop_bytes)
         with self._lock:
             self._halt()
             self._in_step = False
@@ -170,6 +170,7 @@ class GcodeBoard(ABC):
             self._check(line)
             heard.append(line)
             if done(line):
+                self._check_stopped()
                 return heard
         self._in_step = False
         last = f"it last said '{heard[-1][:60]}'" if heard else "it said nothing"

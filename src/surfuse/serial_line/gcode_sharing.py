@@ -4,37 +4,48 @@ from __future__ import annotations
 
 import threading
 
-from surfuse.errors import ConfigError
-from surfuse.serial_line.gcode_board import GcodeBoard
+from surfuse.errors import ConfigError, nearest
+from surfuse.serial_line.gcode_board import Connection, GcodeBoard
+from surfuse.serial_line.grbl import Grbl
+from surfuse.serial_line.marlin import Marlin
 
+BOARDS: dict[str, type[GcodeBoard]] = {"marlin": Marlin, "grbl": Grbl}
 _OPEN: dict[str, GcodeBoard] = {}
 _OPENING = threading.Lock()
 
 
-def taken(board: GcodeBoard) -> GcodeBoard:
-    """The board on this port, open: the one that another driver has opened, or this one.
+def check_dialect(dialect: str) -> None:
+    """Raises ConfigError for a dialect that nobody speaks."""
+    if dialect not in BOARDS:
+        raise ConfigError(f"dialect = '{dialect}'", cure=nearest(dialect, BOARDS))
+
+
+def taken(dialect: str, connection: Connection) -> GcodeBoard:
+    """The board on a port, open: the one that another driver has opened, or a new one.
 
     Raises
     ------
-    ConfigError : another driver speaks to the same port in another way. DeviceError, SafetyStopError : as `take`.
+    ConfigError : another driver speaks to the same port in another way.
+    DeviceError : the port cannot be opened, or no board answers.
     """
-    port = board.where
+    port, kind = connection.port, BOARDS[dialect]
     with _OPENING:
-        known = _OPEN.get(port)
-        if known is not None and (type(known), known.connection.baud_bps) != (type(board), board.connection.baud_bps):
+        board = _OPEN.get(port)
+        if board is None:
+            board = kind(connection)
+        elif (type(board), board.connection.baud_bps) != (kind, connection.baud_bps):
             raise ConfigError(
                 "two drivers use this port with different dialects or speeds",
                 cure="give the same dialect and baud_bps to both",
                 where=port,
             )
-        shared = known or board
-        shared.take()
-        _OPEN[port] = shared
-        return shared
+        board.take()
+        _OPEN[port] = board
+        return board
 
 
 def given_back(board: GcodeBoard) -> None:
-    """End of the use of a board that was `taken`."""
+    """End of the use of a board that was `taken`; after the last one its port is closed."""
     with _OPENING:
         if board.release():
             _OPEN.pop(board.where, None)

@@ -25,6 +25,7 @@ class ShakyWorld:
     def begin(self, stage, index):
         raise NotImplementedError
 
+
 TAKES_POSES = False
 
 
