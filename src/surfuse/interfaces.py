@@ -12,10 +12,11 @@ A plug-in is a module. For devices, fusion methods and control laws it has exact
 
 What a driver needs and no file can name (the clock, the kinematics, in the simulated rig the world) comes from the rig
 as one record in the last field, `surroundings: ... = field(default=..., metadata=GIVEN_BY_RIG)`. Every kind has its
-usual record (`SensorSurroundings`, `CameraSurroundings`, `motion.arm_surroundings.ArmSurroundings`), which a real rig
-can give; a driver that needs more, as the simulated ones do, asks for a record derived from it. Where the default is
-None, the driver cannot do without (`surrounded`). So a rig makes any device in one way: it takes its own keys out of
-the table, gives the others and the surroundings to `registry.parameters`, and the result to `create`.
+usual record (`SensorSurroundings`, `CameraSurroundings`, `PoseArmSurroundings`,
+`motion.arm_surroundings.ArmSurroundings`), which a real rig can give; a driver that needs more, as the simulated ones
+do, asks for a record derived from it. Where the default is None, the driver cannot do without (`surrounded`). So a rig
+makes any device in one way: it takes its own keys out of the table, gives the others and the surroundings to
+`registry.parameters`, and the result to `create`.
 """
 
 from __future__ import annotations
@@ -212,6 +213,13 @@ class PoseArm(Device, Protocol):
         UnreachableError : the arm cannot go there; it has not moved.
         SafetyStopError, DeviceError : the arm was stopped, or did not get there.
         """
+
+
+@dataclass(frozen=True)
+class PoseArmSurroundings:
+    """What a rig tells an arm that goes to poses: the clock of the rig."""
+
+    clock: Clock = MACHINE_CLOCK
 
 
 class RangeSensor(Device, Protocol):

@@ -41,7 +41,7 @@ class Stage:
         self._journal, self._monkeypatch = folder / "journal", monkeypatch
         self._journal.touch()
         monkeypatch.setenv("STAND_IN_JOURNAL", str(self._journal))
-        monkeypatch.setenv("PYTHONPATH", str(HERE / "stand_ins"))
+        monkeypatch.setenv("PYTHONPATH", os.pathsep.join(map(str, (HERE / "stand_ins", HERE.parent / "stand_ins"))))
 
     def fault(self, name):
         self._monkeypatch.setenv("STAND_IN_FAULTS", name)
@@ -239,6 +239,7 @@ pseudo_terminal = pytest.mark.skipif(os.name != "posix", reason="needs a pseudo-
 
 
 def boards():
+    sys.path.insert(0, str(HERE.parent / "stand_ins"))
     from gcode_boards import Grbl, Marlin
 
     return {"marlin": Marlin, "grbl": Grbl}

@@ -70,7 +70,7 @@ class ArmBench:
 class PoseArmBench:
     """An arm that is sent to poses, with its stand-in.
 
-    It can be sent to `world_from_tool` (4, 4) and arrives there within `close_m`, and cannot take `out_of_reach` (4, 4).
+    It can be sent to `world_from_tool` (4, 4), arrives there within `close_m`, and cannot take `out_of_reach` (4, 4).
     `displace` moves the tool without being asked, `vanish` takes the arm away.
     """
 

@@ -69,8 +69,9 @@ def test_it_says_which_poses_it_can_take(bench, create):
 def test_a_pose_out_of_reach_is_refused_it_has_not_moved_and_goes_on(bench, create):
     with create(bench.parameters) as arm:
         before = arm.tool_state().world_from_tool
-        with pytest.raises(UnreachableError):
+        with pytest.raises(UnreachableError) as caught:
             arm.move_to_pose(bench.out_of_reach)
+        assert caught.value.cure
         assert_allclose(arm.tool_state().world_from_tool, before, atol=bench.close_m)
         reached = arm.move_to_pose(bench.world_from_tool)
     assert_allclose(reached.world_from_tool, bench.world_from_tool, atol=bench.close_m)
@@ -90,6 +91,18 @@ def test_what_is_no_pose_is_not_sent(bench, create, wrong):
         assert_allclose(arm.tool_state().world_from_tool, before, atol=bench.close_m)
 
 
+def test_it_moves_between_its_poses_again_and_again(bench, create):
+    with create(bench.parameters) as arm:
+        start = arm.tool_state().world_from_tool
+        for goal in (bench.world_from_tool, start, bench.world_from_tool):
+            assert_allclose(arm.move_to_pose(goal).world_from_tool, goal, atol=bench.close_m)
+
+
+def test_one_that_is_not_open_is_a_device_error(bench, create):
+    with pytest.raises(DeviceError, match="not open"):
+        create(bench.parameters).tool_state()
+
+
 def test_a_tool_that_moves_unasked_is_a_safety_stop(bench, create):
     with create(bench.parameters) as arm:
         arm.move_to_pose(bench.world_from_tool)
@@ -98,15 +111,18 @@ def test_a_tool_that_moves_unasked_is_a_safety_stop(bench, create):
             arm.tool_state()
 
 
-def test_closing_twice_is_fine(bench, create):
+def test_closing_twice_is_fine_and_it_opens_again(bench, create):
     arm = create(bench.parameters)
     with arm:
         arm.tool_state()
     arm.__exit__(None, None, None)
+    with arm:
+        arm.tool_state()
 
 
 def test_one_that_vanishes_is_a_device_error(bench, create):
     arm = create(bench.parameters)
-    with pytest.raises(DeviceError), arm:  # noqa: PT012 - the arm is open when it vanishes
+    with pytest.raises(DeviceError) as caught, arm:  # noqa: PT012 - the arm is open when it vanishes
         bench.vanish()
         arm.move_to_pose(bench.world_from_tool)
+    assert caught.value.cure

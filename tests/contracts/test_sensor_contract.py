@@ -17,7 +17,7 @@ from surfuse import registry
 from surfuse.errors import DeviceError
 from surfuse.records import Echo, SensorSpec, Status
 
-KINDS = {"ultrasonic", "laser", "infrared", "tof", "optical"}
+KINDS = {"ultrasonic", "laser", "infrared", "tof", "touch"}
 SIGNS = {Status.NO_ECHO: math.inf, Status.TOO_CLOSE: -math.inf}
 
 

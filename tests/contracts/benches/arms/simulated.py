@@ -26,6 +26,8 @@ class ShakyWorld:
         raise NotImplementedError
 
 
+
+
 @contextmanager
 def bench(folder):
     around = Surroundings(
