@@ -218,7 +218,10 @@ def test_a_part_beside_the_table(command, tmp_path, radius_m):
 
 @pytest.mark.parametrize(
     ("standoff_m", "told"),
-    [(0.1, ["nearer than the 0.200 m of its tube", "give a standoff above 0.23"]), (2.0, ["not one of", "out of reach"])],
+    [
+        (0.1, ["nearer than the 0.200 m of its tube", "a standoff above 0.23"]),
+        (2.0, ["not one of", "out of reach"]),
+    ],
 )
 def test_a_part_out_of_reach_is_told_before_the_arm_moves(command, tmp_path, standoff_m, told):
     words = ("acquire", "flat", "--set", f"scan.standoff_m={standoff_m}", *QUICK, "--out", tmp_path / "run")
