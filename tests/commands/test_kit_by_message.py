@@ -87,6 +87,16 @@ def test_every_told_parameter_acts():
         assert np.mean([echo.spread_m for echo in array.sweep()]) < 1e-3
 
 
+@pytest.mark.parametrize(("blanking_s", "nearest_m"), [(0.0, 0.2), (1e-3, 0.2), (1.9e-3, 0.3260)])
+def test_the_nearest_range_is_behind_the_blanking_and_the_tube(blanking_s, nearest_m):
+    rig = Rig(f"kit.blanking_s={blanking_s}")
+    assert [spec.range_min_m for spec in rig.array.fixture.specs] == pytest.approx([nearest_m] * 4, abs=1e-4)
+    rig.stand()
+    with rig.array as array:
+        array.configure(replace(kit_as_message(KitParameters(), 5), blanking_us=round(1e6 * blanking_s)))
+        assert len(array.sweep()) == 4
+
+
 def test_a_kit_that_cannot_be_is_refused_and_the_old_one_stays():
     rig = Rig()
     rig.stand()

@@ -103,10 +103,9 @@ class LawBench:
 
 def arm_names(*, takes_poses: bool) -> tuple[str, ...]:
     """Names of the built-in arms that take poses of their tool, or of those that take joints."""
-    made = {
-        name: get_type_hints(registry.load("arms", name).create)["return"] for name in registry.found("arms").built_in
-    }
-    return tuple(name for name, kind in made.items() if issubclass(kind, PoseArm) == takes_poses)
+    names = registry.found("arms").built_in
+    made = [get_type_hints(registry.load("arms", name).create)["return"] for name in names]
+    return tuple(name for name, kind in zip(names, made, strict=True) if issubclass(kind, PoseArm) == takes_poses)
 
 
 def names_of(kind: str) -> set[str]:

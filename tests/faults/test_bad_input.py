@@ -219,7 +219,7 @@ def test_a_part_beside_the_table(command, tmp_path, radius_m):
 @pytest.mark.parametrize(
     ("standoff_m", "told"),
     [
-        (0.1, ["nearer than the 0.200 m of its tube", "give a standoff above 0.23"]),
+        (0.1, ["nearer than the 0.200 m of its tube", "a standoff above 0.23"]),
         (2.0, ["not one of", "out of reach"]),
     ],
 )

@@ -67,7 +67,6 @@ def in_millimetres(rows: Rows) -> Rows:
 
 BAD = {
     "missing column": (lambda rows: [row[:3] + row[4:] for row in rows], [":1:", "py is missing"]),
-    "extra column": (lambda rows: [[*row, "k" if row[0] == "t" else "1"] for row in rows], [":1:", "'k'"]),
     "misspelt column": (lambda rows: [["t", "sensr", *rows[0][2:]], *rows[1:]], [":1:", "sensor"]),
     "column twice": (lambda rows: [[*row, row[2]] for row in rows], [":1:", "'px' comes twice"]),
     "text in a number": (cell("px", 6, "abc"), [":6:px", "'abc'"]),
@@ -87,6 +86,13 @@ BAD = {
     "millimetres": (in_millimetres, [":2:px", "millimetres"]),
     "endless number": (cell("px", 6, "9" * 100_000), [":6"]),
 }
+
+
+def test_a_csv_with_a_column_of_somebody_else_is_fused_with_a_note(command, changed):
+    path = changed(lambda rows: [[*row, "k" if row[0] == "t" else "x"] for row in rows])
+    answer = command("fuse", path, "--method", "mean", "--out", path.parent / "out")
+    assert answer.status == 0
+    assert answer.err == f"surfuse: note: {path}:1: column not read: 'k'\n"
 
 
 @pytest.mark.parametrize(("change", "told"), BAD.values(), ids=BAD.keys())

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -217,6 +219,16 @@ def test_load_scan_takes_run_folder_log_folder_and_segment(tmp_path, scans):
         assert scan.readings.n_sweeps == 4
         assert scans.same(scan.scene(), scans.scene())
         assert scan.warnings == ()
+
+
+def test_a_nearest_range_inside_the_tube_is_read_as_the_tube_s_end(scans):
+    """Version 0.1.0 wrote what the blanking left, wherever that lay."""
+    message = own.scene_message(scans.scene())
+    message["sensors"][2] |= {"range_min_m": 0.0, "dead_length_m": 0.2}
+    decoded = json.loads(json.dumps(message), object_hook=lambda fields: SimpleNamespace(**fields))
+    specs = own.scene_record(decoded).specs
+    assert (specs[2].range_min_m, specs[2].dead_length_m) == (0.2, 0.2)
+    assert [specs[i] for i in (0, 1, 3)] == [scans.SPECS[i] for i in (0, 1, 3)]
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"hello", bytes(2000), b"\x89MCAP0\r\n" + bytes(500)])

@@ -26,7 +26,7 @@ def read_csv_table(path: Path) -> ReadingTable:
 
     Raises
     ------
-    DataError : anything but the named columns with numbers in them; the message names file, line and column.
+    DataError : anything but numbers in the columns that are read; the message names file, line and column.
     StorageError : the file cannot be read.
     """
     source = CsvSource(path)
@@ -48,7 +48,7 @@ class _Columns:
     def __init__(self, source: CsvSource) -> None:
         self._source = source
         self._rows = 0
-        self._numbers: dict[str, list[FloatArray]] = {name: [] for name in source.header if name != "sensor"}
+        self._numbers: dict[str, list[FloatArray]] = {name: [] for name in source.header if name not in ("", "sensor")}
         self._sensor: list[str] = []
         self._commas = self._points = False
 
@@ -57,6 +57,8 @@ class _Columns:
         if any(len(cells) != width for cells in block):
             self._report_ragged(block, width)
         for name, cells in zip(self._source.header, zip(*block, strict=True), strict=True):
+            if not name:
+                continue
             if name == "sensor":
                 self._add_sensors(cells)
             elif name == "status":
@@ -161,6 +163,7 @@ class _Columns:
             sigma_m=column("sigma_m"),
             amplitude=column("amplitude"),
             stop=None,
+            notes=self._source.notes,
         )
         return table if stop is None else with_stop(table, stop)
 

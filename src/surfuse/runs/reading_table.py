@@ -52,7 +52,7 @@ class ReadingTable:
 
     `t_s`, `range_m`, `sigma_m`, `amplitude` (N,), `position_m` and `axis` (N, 3) in one frame of the user's, `sensor` N
     names, `stop` (N,) numbers of stops. No echo is +inf, an unknown sigma_m or amplitude nan, an unknown status
-    `UNKNOWN_STATUS`.
+    `UNKNOWN_STATUS`. `notes` are to be told with the warnings of the scan.
     """
 
     source: TableSource
@@ -65,6 +65,7 @@ class ReadingTable:
     sigma_m: FloatArray | None
     amplitude: FloatArray | None
     stop: IntArray | None
+    notes: tuple[str, ...] = ()
 
     def where(self, row: int, column: str) -> str:
         """Where a cell stands, for a message."""
@@ -92,7 +93,7 @@ def scan_of_table(
     ------
     DataError : what cannot be used, with its place in the table.
     """
-    warnings: list[str] = []
+    warnings = list(table.notes)
     _check_poses(table)
     specs = tuple(one.spec for one in described) or _assumed_specs(table, assumed, warnings)
     sensor = _sensor_numbers(table, specs)

@@ -33,10 +33,10 @@ from surfuse.vision.dominant_points import dominant_points
 STAGE = "compile, once"
 _STANDOFF_M = 0.43
 _STOPS = 12
-_PROGRAM = """
+_PROGRAM = f"""
 import sys
 sys.path.append(sys.argv[1])
-from surfuse.commands.acquire.warm_up import compile_last
+from {__name__} import compile_last
 compile_last(sys.argv[2])
 """
 
