@@ -37,8 +37,7 @@ def assert_same(fast: ServoArm, slow: ServoArm) -> None:
     assert_array_equal(fast.plant.position_rad, slow.plant.position_rad)
     assert_array_equal(fast.plant.velocity_rad_s, slow.plant.velocity_rad_s)
     for one, other in zip(fast.arm.servo.memory, slow.arm.servo.memory, strict=True):
-        for a, b in zip(one, other, strict=True):
-            assert_array_equal(a, b)
+        assert_array_equal(one, other)
     for register, count in ((0x0C, 1), (0x10, 6), (0x2E, 1), (0x00, 1)):
         assert fast.card.read(register, count) == slow.card.read(register, count)
 

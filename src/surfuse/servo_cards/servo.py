@@ -19,9 +19,7 @@ from surfuse.servo_cards.supervision import (
     JUMP,
     OVERSPEED,
     STUCK,
-    Measured,
     Supervision,
-    Watch,
     measure,
 )
 
@@ -31,26 +29,25 @@ _HALT_S = 0.25
 _SLOW_RAD_S = 0.02
 
 
-class Drive(NamedTuple):
-    """From torques of J joints to the card. `torque` (J,) in Nm and the words (J,) are of the last tick and move on.
+class ServoMemory(NamedTuple):
+    """All that the servo of J joints works with, as a loop takes it. `torque` and what follows it move on in place.
 
-    `motor_torque` (J, J) is the transpose of the wrist's coupling, `counts_per_nm` (J,) the converters' scale.
-    `read_words` are the counters as the card showed them, `written_words` what the converters got.
+    `constants`, `joint_from_motor`, `counters`, `motion` and `anchor`: see `measure`. `motor_torque` (J, J) is the
+    transpose of the wrist's coupling, `counts_per_nm` (J,) the scale of the converters, `torque` (J,) in Nm is that of
+    the last tick; `read_words` (J,) are the counters as the card showed them, `written_words` (J,) what the converters
+    got.
     """
 
+    constants: FloatArray
+    joint_from_motor: FloatArray
     motor_torque: FloatArray
     counts_per_nm: FloatArray
     torque: FloatArray
+    counters: IntArray
+    motion: FloatArray
+    anchor: FloatArray
     read_words: IntArray
     written_words: IntArray
-
-
-class ServoMemory(NamedTuple):
-    """All that the servo works with, as kernels take it; a loop moves it on in place."""
-
-    watch: Watch
-    measured: Measured
-    drive: Drive
 
 
 @dataclass(frozen=True)
@@ -99,28 +96,24 @@ class JointServo:
         self._loop = loop
         self._scales = scales
         self._supervision = supervision
-        watch = Watch(
-            supervision.constants(scales, law.period_s),
-            np.ascontiguousarray(scales.joint_from_motor),
-            np.asarray(scales.zero_rad),
-        )
-        measured = Measured(
-            last_words=np.zeros(joints, dtype=np.int64),
-            counts=np.zeros(joints, dtype=np.int64),
-            position=np.zeros(joints),
-            velocity=np.zeros(joints),
-            anchor=np.zeros((4, joints)),
-        )
-        drive = Drive(
+        self.memory = ServoMemory(
+            constants=supervision.constants(scales, law.period_s),
+            joint_from_motor=np.ascontiguousarray(scales.joint_from_motor),
             motor_torque=np.ascontiguousarray(scales.joint_from_motor.T),
             counts_per_nm=np.asarray(scales.counts_per_nm),
             torque=np.zeros(joints),
+            counters=np.zeros((2, joints), dtype=np.int64),
+            motion=np.zeros((2, joints)),
+            anchor=np.zeros((4, joints)),
             read_words=np.zeros(joints, dtype=np.int64),
             written_words=np.full(joints, reg.DAC_ZERO, dtype=np.int64),
         )
-        self.memory = ServoMemory(watch, measured, drive)
-        self._last_words, self._counts, self._position, self._velocity, self._anchor = measured
-        self._torque = drive.torque
+        counters, motion = self.memory.counters, self.memory.motion
+        self._last_words: IntArray = counters[0]
+        self._counts: IntArray = counters[1]
+        self._position: FloatArray = motion[0]
+        self._velocity: FloatArray = motion[1]
+        self._anchor, self._torque = self.memory.anchor, self.memory.torque
         self._outputs = 0
         self._still = np.zeros(joints)
         self.stopped_because = "the power has not been switched on"
@@ -275,8 +268,8 @@ class JointServo:
             self._stop(self._describe(code, wanted_rad))
         law_torque = self._torque
         self._law.torque(wanted_rad, wanted_rad_s, wanted_rad_s2, self._position, self._velocity, law_torque)
-        motor_torque, counts_per_nm, _, _, words = self.memory.drive
-        converter_words(law_torque, motor_torque, counts_per_nm, words)
+        words = self.memory.written_words
+        converter_words(law_torque, self.memory.motor_torque, self.memory.counts_per_nm, words)
         bus.write(reg.DAC_BASE, words.tolist())
         self._outputs ^= reg.OUT_WATCHDOG
         bus.write(reg.DISCRETE_REG, (self._outputs,))
@@ -317,9 +310,9 @@ class JointServo:
         raise SafetyStopError(f"{why}; power is off, brakes are on", cure="find the cause, then switch on again")
 
     def _observe(self, wanted_rad: FloatArray) -> int:
-        watch, measured, drive = self.memory
-        drive.read_words[:] = self._bus.read(reg.ENC_COUNT_BASE, reg.JOINTS)
-        return measure(drive.read_words, watch, wanted_rad, drive.torque, measured)
+        constants, coupling, _, _, torque, counters, motion, anchor, words, _ = self.memory
+        words[:] = self._bus.read(reg.ENC_COUNT_BASE, reg.JOINTS)
+        return measure(words, constants, coupling, wanted_rad, torque, counters, motion, anchor)
 
     def _write_safe(self) -> None:
         self._bus.write(reg.DAC_BASE, [reg.DAC_ZERO] * reg.JOINTS)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -48,51 +47,39 @@ class Supervision:
                 raise ConfigError(f"Supervision.{name} = {getattr(self, name)}", cure="give positive values")
 
     def constants(self, scales: CardScales, period_s: float) -> FloatArray:
-        """The limits as rows for `measure`: (5, J) of scales, speeds, torques, inertias, single numbers."""
+        """The limits as rows for `measure`: (6, J) of scales, speeds, torques, inertias, single numbers, zeros."""
         blend = period_s / (period_s + self.speed_filter_s)
         single = [self.following_rad, self.stuck_rad, float(self.jump_counts), period_s, blend, self.stuck_counts]
-        return np.array([scales.rad_per_count, self.speed_max_rad_s, self.stuck_nm, self.inertia_kg_m2, single])
+        limits = self.speed_max_rad_s, self.stuck_nm, self.inertia_kg_m2
+        return np.array([scales.rad_per_count, *limits, single, scales.zero_rad])
 
 
 STANDARD_SUPERVISION = Supervision()
 
 
-class Watch(NamedTuple):
-    """What `measure` knows of J joints.
-
-    `constants` (5, J) are those of `Supervision.constants`, `joint_from_motor` (J, J) is the coupling of the wrist,
-    `zero` (J,) the joint angles in rad where all counts are 0.
-    """
-
-    constants: FloatArray
-    joint_from_motor: FloatArray
-    zero: FloatArray
-
-
-class Measured(NamedTuple):
-    """What `measure` keeps of J joints from tick to tick; all of it moves on.
-
-    `last_words` (J,) are the 16-bit counters of the tick before, `counts` (J,) the motor counts without overflow,
-    `position` (J,) in rad, `velocity` (J,) in rad/s, filtered. `anchor` (4, J) holds wanted joint (rad) and torque (Nm)
-    when the counter last moved, and the speed (rad/s) and travel (rad) that the torque alone should have given since.
-    """
-
-    last_words: IntArray
-    counts: IntArray
-    position: FloatArray
-    velocity: FloatArray
-    anchor: FloatArray
-
-
 @compiled
-def measure(words: IntArray, watch: Watch, wanted: FloatArray, torque: FloatArray, state: Measured) -> int:
+def measure(
+    words: IntArray,
+    constants: FloatArray,
+    joint_from_motor: FloatArray,
+    wanted: FloatArray,
+    torque: FloatArray,
+    counters: IntArray,
+    motion: FloatArray,
+    anchor: FloatArray,
+) -> int:
     """Take in the counters of one tick, and judge: -1, or 16 x kind + joint of the first limit that is broken.
 
-    `words` (J,) are the counters as the card shows them. `wanted` (J,) in rad is of this tick, `torque` (J,) in Nm is
+    `words` (J,) are the counters as the card shows them, `constants` (6, J) those of `Supervision.constants`,
+    `joint_from_motor` (J, J) is the coupling of the wrist. `wanted` (J,) in rad is of this tick, `torque` (J,) in Nm is
     what was asked for at the tick before.
+
+    The rest moves on: `counters` (2, J), the words of the tick before and the motor counts without overflow; `motion`
+    (2, J), the joints in rad and their filtered speeds in rad/s; `anchor` (4, J), the wanted joint (rad) and torque
+    (Nm) when the counter last moved, and the speed (rad/s) and travel (rad) that the torque alone should have given
+    since then.
     """
-    constants, joint_from_motor, zero = watch
-    last_words, counts, position, velocity, anchor = state
+    last_words, counts, position, velocity, zero = counters[0], counters[1], motion[0], motion[1], constants[5]
     n = words.shape[0]
     following, stuck, jump = constants[4, 0], constants[4, 1], constants[4, 2]
     period, blend, timeouts = constants[4, 3], constants[4, 4], constants[4, 5]

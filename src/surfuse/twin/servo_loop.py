@@ -56,7 +56,7 @@ class CompiledTicks:
             (period / steps, steps),
         )
         if ticks:
-            self._card.has_run(ticks, period, servo.memory.drive.written_words, passed)
+            self._card.has_run(ticks, period, servo.memory.written_words, passed)
         if until is None:
             return Ran(ticks, code)
         until.left, until.seen = until.left - ticks, seen
@@ -95,24 +95,24 @@ def _ticks(
     `substeps` are the length (s) and number of the plant's steps in a tick. Returns ticks done, supervision's verdict,
     ticks in a row, whether the last tick passed an index pulse.
     """
-    watch, measured, (motor_torque, counts_per_nm, torque, read_words, written_words) = servo
-    position, velocity = measured.position, measured.velocity
+    constants, coupling, motor_torque, counts_per_nm, torque, counters, motion, anchor, shown, written = servo
+    position, velocity = motion[0], motion[1]
     model, control = law
     zero, motor_from_joint, per_count, per_word, joint_torque, absolute, offset, frozen, before, phase, turn = card
-    joints = plant.position
+    joints = plant[3][0]
     first, end = span
     within, in_a_row, seen = goal
     for i in range(first, end):
         row = min(i, wanted.position.shape[0] - 1)
         target = wanted.position[row]
-        shown_words(absolute, offset, frozen, read_words)
-        code = measure(read_words, watch, target, torque, measured)
+        shown_words(absolute, offset, frozen, shown)
+        code = measure(shown, constants, coupling, target, torque, counters, motion, anchor)
         if code != FINE:
             return i - first, code, seen, False
         speed, rate = wanted.velocity[row], wanted.acceleration[row]
         computed_torque(model, control, target, speed, rate, position, velocity, torque)
-        converter_words(torque, motor_torque, counts_per_nm, written_words)
-        joint_torques(written_words, per_word, joint_torque)
+        converter_words(torque, motor_torque, counts_per_nm, written)
+        joint_torques(written, per_word, joint_torque)
         integrate(plant, joint_torque, substeps[0], substeps[1])
         for j in range(before.shape[0]):
             before[j] = absolute[j]

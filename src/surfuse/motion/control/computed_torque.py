@@ -39,13 +39,19 @@ class Parameters:
             raise ConfigError(f"breakaway_rad_s = {self.breakaway_rad_s}", cure="give a speed > 0 rad/s")
 
 
-class TorqueLoop(NamedTuple):
-    """The loop of J joints as kernels take it. `integral` and `acceleration` (J,) in rad/s^2 move on.
+TorqueLoop = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""Single numbers (7,) in the order of `Gains`; of J joints largest integral, integral, acceleration (J,), viscous
+friction (J,), dry friction (J, 2) and largest torque (J,). Integral and acceleration, both in rad/s^2, move on.
 
-    Gains per unit of inertia: `kp` (1/s^2), `kd` (1/s), `ki` (1/s^3). `dead_band` (rad): smaller errors are not
-    integrated. `period` in s; `natural` frequency in rad/s; `per_breakaway` is one over the speed at which dry friction
-    is compensated in full (s/rad). `integral_max` (J,) in rad/s^2, `viscous` (J,) in Nm s/rad, `dry` (J, 2) in Nm
-    forwards and backwards, `limit` (J,) in Nm.
+A plain tuple, because it is handed over at every tick: the names of a NamedTuple cost half a microsecond.
+"""
+
+
+class Gains(NamedTuple):
+    """Of a unit of inertia: `kp` (1/s^2), `kd` (1/s), `ki` (1/s^3).
+
+    `dead_band` (rad): smaller errors are not integrated. `period` in s, `natural` frequency in rad/s; `per_breakaway`
+    is one over the speed at which dry friction is compensated in full (s/rad).
     """
 
     kp: float
@@ -55,12 +61,6 @@ class TorqueLoop(NamedTuple):
     period: float
     natural: float
     per_breakaway: float
-    integral_max: FloatArray
-    integral: FloatArray
-    acceleration: FloatArray
-    viscous: FloatArray
-    dry: FloatArray
-    limit: FloatArray
 
 
 class ComputedTorque:
@@ -73,7 +73,7 @@ class ComputedTorque:
     def __init__(self, parameters: Parameters, surroundings: LawSurroundings) -> None:
         dynamics, gains = surroundings.dynamics, parameters.gains
         w = gains.natural_rad_s
-        loop = TorqueLoop(
+        single = Gains(
             kp=w**2,
             kd=2.0 * gains.damping * w,
             ki=gains.integral_share * w**3,
@@ -81,13 +81,17 @@ class ComputedTorque:
             period=self.period_s,
             natural=w,
             per_breakaway=1.0 / parameters.breakaway_rad_s,
+        )
+        self._integral = np.zeros(len(dynamics))
+        loop = (
+            np.array(single),
             # No integrator may hold more than half of the torque as an acceleration of the least inertia.
-            integral_max=0.5 * dynamics.torque_max_nm / dynamics.armature_kg_m2,
-            integral=np.zeros(len(dynamics)),
-            acceleration=np.zeros(len(dynamics)),
-            viscous=parameters.friction_share * dynamics.viscous_nm_s,
-            dry=parameters.friction_share * dynamics.coulomb_nm,
-            limit=dynamics.torque_max_nm,
+            0.5 * dynamics.torque_max_nm / dynamics.armature_kg_m2,
+            self._integral,
+            np.zeros(len(dynamics)),
+            parameters.friction_share * dynamics.viscous_nm_s,
+            parameters.friction_share * dynamics.coulomb_nm,
+            dynamics.torque_max_nm,
         )
         self.memory: tuple[RigidArm, TorqueLoop] = (dynamics.kernel_arguments(), loop)
         """What `computed_torque` takes first: the arm's model, and the loop with its integrators, which move on."""
@@ -98,7 +102,7 @@ class ComputedTorque:
 
     def reset(self) -> None:
         """Empty the integrators."""
-        self.memory[1].integral[:] = 0.0
+        self._integral[:] = 0.0
 
     def torque(
         self,
@@ -129,41 +133,25 @@ def computed_torque(
     measured_speed: FloatArray,
     torque: FloatArray,
 ) -> None:
-    """Write the joint torques (J,) of one tick."""
-    _reference(loop, wanted, wanted_speed, wanted_rate, measured, measured_speed)
-    newton_euler(model, measured, measured_speed, loop.acceleration, torque)
-    _add_friction(loop, wanted, wanted_speed, measured, torque)
+    """Write the joint torques (J,) of one tick in Nm: inverse dynamics of the corrected acceleration, and friction.
 
-
-@compiled
-def _reference(
-    loop: TorqueLoop,
-    wanted: FloatArray,
-    wanted_speed: FloatArray,
-    wanted_rate: FloatArray,
-    measured: FloatArray,
-    measured_speed: FloatArray,
-) -> None:
-    """Write the acceleration (J,) that the joints must have: the wanted one plus PID of the error."""
-    most, integral, acceleration = loop.integral_max, loop.integral, loop.acceleration
+    Wanted and measured joints, speeds and accelerations are (J,) in rad, rad/s, rad/s^2.
+    """
+    single, integral_max, integral, acceleration, viscous, dry, limit = loop
+    gains = Gains(single[0], single[1], single[2], single[3], single[4], single[5], single[6])
     for j in range(wanted.shape[0]):
         error = wanted[j] - measured[j]
-        if abs(error) > loop.dead_band:
-            integral[j] = min(max(integral[j] + loop.period * loop.ki * error, -most[j]), most[j])
-        acceleration[j] = wanted_rate[j] + loop.kp * error + loop.kd * (wanted_speed[j] - measured_speed[j])
+        if abs(error) > gains.dead_band:
+            most = integral_max[j]
+            integral[j] = min(max(integral[j] + gains.period * gains.ki * error, -most), most)
+        # What the joint must have: the wanted acceleration plus PID of the error.
+        acceleration[j] = wanted_rate[j] + gains.kp * error + gains.kd * (wanted_speed[j] - measured_speed[j])
         acceleration[j] += integral[j]
-
-
-@compiled
-def _add_friction(
-    loop: TorqueLoop, wanted: FloatArray, wanted_speed: FloatArray, measured: FloatArray, torque: FloatArray
-) -> None:
-    """Add the torques (J,) that friction takes at the reference speed, and keep the sums within the limits."""
-    viscous, dry, limit = loop.viscous, loop.dry, loop.limit
+    newton_euler(model, measured, measured_speed, acceleration, torque)
     for j in range(wanted.shape[0]):
         error = wanted[j] - measured[j]
         push = 0.0
-        if abs(error) > loop.dead_band or wanted_speed[j] != 0.0:
-            push = min(max((wanted_speed[j] + loop.natural * error) * loop.per_breakaway, -1.0), 1.0)
-        total = torque[j] + viscous[j] * wanted_speed[j] + (dry[j, 0] if push > 0.0 else dry[j, 1]) * push
-        torque[j] = min(max(total, -limit[j]), limit[j])
+        if abs(error) > gains.dead_band or wanted_speed[j] != 0.0:
+            push = min(max((wanted_speed[j] + gains.natural * error) * gains.per_breakaway, -1.0), 1.0)
+        friction = viscous[j] * wanted_speed[j], (dry[j, 0] if push > 0.0 else dry[j, 1]) * push
+        torque[j] = min(max(torque[j] + friction[0] + friction[1], -limit[j]), limit[j])

@@ -9,7 +9,7 @@ import numpy as np
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import GIVEN_BY_RIG, surrounded
 from surfuse.motion.control_law import CREEPING_RAD, STANDARD_GAINS, Commands, LawSurroundings, LoopGains, every_tick
-from surfuse.motion.joint_loops import JointLoops, joint_loops
+from surfuse.motion.joint_gains import DAMPING, INTEGRAL, LIMIT, STIFFNESS, joint_gains
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray
 
@@ -38,7 +38,9 @@ class IndependentPid:
     def __init__(self, parameters: Parameters, surroundings: LawSurroundings) -> None:
         gains, dynamics = parameters.gains, surroundings.dynamics
         inertia = np.diag(dynamics.inertia(surroundings.nominal_rad))
-        self._loops = joint_loops(gains, inertia, dynamics.torque_max_nm, self.period_s)
+        self._gains = joint_gains(gains, inertia, dynamics.torque_max_nm, self.period_s)
+        self._dead_band_rad = gains.dead_band_rad
+        self._integral = np.zeros(len(dynamics))
 
     def commands(self, trajectory: Trajectory) -> Commands:
         """The motion at every tick."""
@@ -46,7 +48,7 @@ class IndependentPid:
 
     def reset(self) -> None:
         """Empty the integrators."""
-        self._loops.integral[:] = 0.0
+        self._integral[:] = 0.0
 
     def torque(
         self,
@@ -58,7 +60,8 @@ class IndependentPid:
         torque_nm: FloatArray,
     ) -> None:
         """See `ControlLaw.torque`."""
-        _pid(self._loops, wanted_rad, wanted_rad_s, measured_rad, measured_rad_s, torque_nm)
+        loop = self._gains, self._dead_band_rad, self._integral
+        _pid(*loop, wanted_rad, wanted_rad_s, measured_rad, measured_rad_s, torque_nm)
 
 
 def create(parameters: Parameters) -> IndependentPid:
@@ -68,19 +71,21 @@ def create(parameters: Parameters) -> IndependentPid:
 
 @compiled
 def _pid(
-    loops: JointLoops,
+    gains: FloatArray,
+    dead_band: float,
+    integral: FloatArray,
     wanted: FloatArray,
     wanted_speed: FloatArray,
     measured: FloatArray,
     measured_speed: FloatArray,
     torque: FloatArray,
 ) -> None:
-    """Write the joint torques (J,) of one tick in Nm, and move the integrators on."""
-    kp, kd, ki, limit, integral, dead_band, period = loops
+    """Write the joint torques (J,) of one tick in Nm, and move the integrators (J,) in Nm on; `gains` are (4, J)."""
+    kp, kd, ki, limit = gains[STIFFNESS], gains[DAMPING], gains[INTEGRAL], gains[LIMIT]
     for j in range(kp.shape[0]):
         error = wanted[j] - measured[j]
         if abs(error) > dead_band:
             # The integrator holds a torque; it never asks for more than the joint has.
-            integral[j] = min(max(integral[j] + period * ki[j] * error, -limit[j]), limit[j])
+            integral[j] = min(max(integral[j] + ki[j] * error, -limit[j]), limit[j])
         total = kp[j] * error + kd[j] * (wanted_speed[j] - measured_speed[j]) + integral[j]
         torque[j] = min(max(total, -limit[j]), limit[j])

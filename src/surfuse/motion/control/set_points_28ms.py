@@ -15,7 +15,7 @@ import numpy as np
 from surfuse.geometry.compiled import compiled
 from surfuse.interfaces import GIVEN_BY_RIG, surrounded
 from surfuse.motion.control_law import CREEPING_RAD, STANDARD_GAINS, Commands, LawSurroundings, LoopGains
-from surfuse.motion.joint_loops import JointLoops, joint_loops
+from surfuse.motion.joint_gains import DAMPING, INTEGRAL, LIMIT, STIFFNESS, joint_gains
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray
 
@@ -44,9 +44,11 @@ class SetPoints28ms:
     def __init__(self, parameters: Parameters, surroundings: LawSurroundings) -> None:
         gains, dynamics = parameters.gains, surroundings.dynamics
         inertia = np.diag(dynamics.inertia(surroundings.nominal_rad))
-        loops = joint_loops(gains, inertia, dynamics.torque_max_nm, self.period_s)
+        self._gains = joint_gains(gains, inertia, dynamics.torque_max_nm, self.period_s)
         # Friction of the motor damps, too; the boards were adjusted with it.
-        self._loops = loops._replace(kd=np.maximum(loops.kd - dynamics.viscous_nm_s, 0.0))
+        self._gains[DAMPING] = np.maximum(self._gains[DAMPING] - dynamics.viscous_nm_s, 0.0)
+        self._dead_band_rad = gains.dead_band_rad
+        self._integral = np.zeros(len(dynamics))
 
     def commands(self, trajectory: Trajectory) -> Commands:
         """Set points at whole multiples of 28 ms, interpolated; the last one is the first at or after the end."""
@@ -58,7 +60,7 @@ class SetPoints28ms:
 
     def reset(self) -> None:
         """Empty the integrators."""
-        self._loops.integral[:] = 0.0
+        self._integral[:] = 0.0
 
     def torque(
         self,
@@ -70,7 +72,8 @@ class SetPoints28ms:
         torque_nm: FloatArray,
     ) -> None:
         """See `ControlLaw.torque`; wanted speed and acceleration are not known to this controller."""
-        _damped(self._loops, wanted_rad, measured_rad, measured_rad_s, torque_nm)
+        loop = self._gains, self._dead_band_rad, self._integral
+        _damped(*loop, wanted_rad, measured_rad, measured_rad_s, torque_nm)
 
 
 def create(parameters: Parameters) -> SetPoints28ms:
@@ -80,13 +83,22 @@ def create(parameters: Parameters) -> SetPoints28ms:
 
 @compiled
 def _damped(
-    loops: JointLoops, wanted: FloatArray, measured: FloatArray, measured_speed: FloatArray, torque: FloatArray
+    gains: FloatArray,
+    dead_band: float,
+    integral: FloatArray,
+    wanted: FloatArray,
+    measured: FloatArray,
+    measured_speed: FloatArray,
+    torque: FloatArray,
 ) -> None:
-    """Write the joint torques (J,) of one tick in Nm, and move the integrators on of joints near their set point."""
-    kp, kd, ki, limit, integral, dead_band, period = loops
+    """Write the joint torques (J,) of one tick in Nm; `gains` are (4, J).
+
+    The integrators (J,) in Nm move on where a joint is near its set point.
+    """
+    kp, kd, ki, limit = gains[STIFFNESS], gains[DAMPING], gains[INTEGRAL], gains[LIMIT]
     for j in range(kp.shape[0]):
         error = wanted[j] - measured[j]
         if dead_band < abs(error) < INTEGRAL_BAND_RAD:
-            integral[j] = min(max(integral[j] + period * ki[j] * error, -limit[j]), limit[j])
+            integral[j] = min(max(integral[j] + ki[j] * error, -limit[j]), limit[j])
         total = kp[j] * error - kd[j] * measured_speed[j] + integral[j]
         torque[j] = min(max(total, -limit[j]), limit[j])

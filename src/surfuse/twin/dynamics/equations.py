@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from surfuse.geometry.compiled import compiled
+from surfuse.geometry.compiled import compiled, inlined
 from surfuse.records import FloatArray
 
 
@@ -61,7 +61,7 @@ def scratch_of(joints: int) -> Scratch:
     return Scratch(frames, np.empty((2, joints, 3)), np.empty((6, 3)), np.empty((2, 3, 3)))
 
 
-@compiled
+@inlined
 def motion_terms(
     bodies: Bodies, q: FloatArray, qd: FloatArray, matrix: FloatArray, bias: FloatArray, scratch: Scratch
 ) -> None:
@@ -76,7 +76,7 @@ def motion_terms(
     _bias(bodies, scratch.frames, qd, bias, scratch.forces, scratch.small)
 
 
-@compiled
+@inlined
 def _links(bodies: Bodies, q: FloatArray, frames: Frames, square: FloatArray) -> None:
     """Write where the links are at joints (J,) in rad."""
     d, a, alpha, center, inertia = bodies.d, bodies.a, bodies.alpha, bodies.center, bodies.inertia
@@ -106,7 +106,7 @@ def _links(bodies: Bodies, q: FloatArray, frames: Frames, square: FloatArray) ->
                 spun[j, r, c] = half[r, 0] * turn[c, 0] + half[r, 1] * turn[c, 1] + half[r, 2] * turn[c, 2]
 
 
-@compiled
+@inlined
 def _composite(frames: Frames, mass: FloatArray, matrix: FloatArray, small: FloatArray, square: FloatArray) -> None:
     """Write the inertia (J, J); mass and moments of the links beyond a joint are summed up from the tip."""
     axis, origin, place, spun = frames
@@ -143,7 +143,7 @@ def _composite(frames: Frames, mass: FloatArray, matrix: FloatArray, small: Floa
             matrix[j, i] = value
 
 
-@compiled
+@inlined
 def _bias(
     bodies: Bodies, frames: Frames, qd: FloatArray, bias: FloatArray, forces: FloatArray, small: FloatArray
 ) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.compiled import compiled
 from surfuse.motion.rigid_body import ArmDynamics
 from surfuse.records import FloatArray
-from surfuse.twin.dynamics.equations import Bodies, Scratch, motion_terms, scratch_of
+from surfuse.twin.dynamics.equations import Bodies, Frames, Scratch, motion_terms, scratch_of
 
 _SWEEPS = 30
 _STILL_RAD_S = 1e-9
@@ -39,25 +38,23 @@ class PlantParameters:
                 raise ConfigError(f"{name} = {getattr(self, name)}", cure="give 0 or more")
 
 
-class PlantMemory(NamedTuple):
-    """An arm of J joints as `integrate` takes it. `position`, `velocity` and `impulse` (J,) move on.
+PlantMemory = tuple[
+    tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float],
+    tuple[FloatArray, FloatArray, FloatArray],
+    tuple[FloatArray, FloatArray],
+    tuple[FloatArray, FloatArray, FloatArray],
+    FloatArray,
+    tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    tuple[FloatArray, FloatArray, FloatArray],
+]
+"""An arm of J joints as `integrate` takes it: links, losses, end stops, state (which moves on), room to work.
 
-    `armature` (J,) are the inertias of the motors in kg m^2, `viscous` (J,) in Nm s/rad, `dry` (2, J) the dry friction
-    of forward and backward motion in Nm, with the brakes. `low`, `high` (J,) are the mechanical stops in rad. `impulse`
-    in Nm s is the friction of the last step, from which the next one starts. `matrices` (5, J, J) is room to work.
-    """
-
-    bodies: Bodies
-    armature: FloatArray
-    viscous: FloatArray
-    dry: FloatArray
-    low: FloatArray
-    high: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    impulse: FloatArray
-    matrices: FloatArray
-    scratch: Scratch
+The links are the fields of `Bodies`. Losses: inertias of the motors (J,) in kg m^2, viscous friction (J,) in Nm s/rad,
+dry friction forwards and backwards (2, J) in Nm, with the brakes. End stops: lowest and highest joint (J,) in rad.
+State: joints (J,) in rad, speeds (J,) in rad/s, and the friction impulses (J,) in Nm s of the last step, from which the
+next one starts. Room: matrices (5, J, J), the fields of `Frames`, and the rest of `Scratch`. Plain tuples, because they
+are handed over at every tick: the names of NamedTuples cost microseconds.
+"""
 
 
 class ArmPlant:
@@ -88,7 +85,7 @@ class ArmPlant:
         self._velocity = np.zeros(joints)
         self._impulse = np.zeros(joints)
         # Attributes of the record are computed anew at every access; the loop needs them once.
-        self._bodies = Bodies(
+        self._links = (
             dynamics.d_m,
             dynamics.a_m,
             dynamics.alpha_rad,
@@ -98,7 +95,10 @@ class ArmPlant:
             float(dynamics.gravity_m_s2),
         )
         self._losses = dynamics.armature_kg_m2, dynamics.viscous_nm_s
-        self._matrices, self._scratch = np.empty((5, joints, joints)), scratch_of(joints)
+        scratch = scratch_of(joints)
+        axis, origin, place, spun = scratch.frames
+        self._matrices = np.empty((5, joints, joints))
+        self._room = (axis, origin, place, spun), (scratch.forces, scratch.small, scratch.square)
         self.brakes_on = True
         self.rest_at(start_rad)
 
@@ -120,7 +120,7 @@ class ArmPlant:
     @brakes_on.setter
     def brakes_on(self, applied: bool) -> None:
         self._brakes_on = applied
-        dry = self._dynamics.coulomb_nm + (self._brake[:, None] if applied else 0.0)
+        dry: FloatArray = self._dynamics.coulomb_nm + (self._brake[:, None] if applied else 0.0)
         self._dry = np.ascontiguousarray(dry.T)
 
     def rest_at(self, position_rad: FloatArray) -> None:
@@ -148,24 +148,18 @@ class ArmPlant:
     @property
     def memory(self) -> PlantMemory:
         """What `integrate` takes first; valid until the brakes are applied or released."""
-        return PlantMemory(
-            self._bodies,
-            *self._losses,
-            self._dry,
-            self._low,
-            self._high,
-            self._position,
-            self._velocity,
-            self._impulse,
-            self._matrices,
-            self._scratch,
-        )
+        state = self._position, self._velocity, self._impulse
+        losses = *self._losses, self._dry
+        return self._links, losses, (self._low, self._high), state, self._matrices, *self._room
 
 
 @compiled
 def integrate(plant: PlantMemory, torque: FloatArray, h: float, steps: int) -> None:
     """Let joint torques (J,) in Nm act for some steps of length h (s); see `ArmPlant`."""
-    bodies, armature, viscous, dry, low, high, q, qd, impulse, matrices, scratch = plant
+    (d, a, alpha, mass, center, inertia, gravity), losses, (low, high), (q, qd, impulse), matrices, where, room = plant
+    bodies = Bodies(d, a, alpha, mass, center, inertia, gravity)
+    scratch = Scratch(Frames(where[0], where[1], where[2], where[3]), room[0], room[1], room[2])
+    armature, viscous, dry = losses
     forwards, backwards = dry[0], dry[1]
     n = q.shape[0]
     matrix, mobility, lower, bias, momentum = matrices[0], matrices[1], matrices[2], matrices[3, 0], matrices[4, 0]
