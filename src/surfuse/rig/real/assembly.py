@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,9 +36,12 @@ def real_rig(settings: Settings) -> Rig:
     array = array_of(settings.sensor, bridge, clock)
     grip = tool_from_grip(*places(settings.sensor))
     joints = _joint_arm(settings, grip, bridge, clock)
-    if joints is not None:
-        return Rig(clock=clock, array=array, motion=JointMotion(joints))
-    return Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge), tool_from_grip=grip)
+    rig = (
+        Rig(clock=clock, array=array, motion=JointMotion(joints))
+        if joints is not None
+        else Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge), tool_from_grip=grip)
+    )
+    return rig if bridge is None else replace(rig, guide=bridge.guide)
 
 
 def _bridge(settings: Settings) -> SharedBridge | None:
