@@ -1,12 +1,11 @@
 """A bridge whose arm is moved by somebody else, over the plane z = 0.4 x, in a time of its own: 50 ms a question.
 
 Run: python moving_bridge.py [dies N] [waits S] [shakes] [guided] - `dies` ends at question N, `waits` takes S seconds
-of real time a sweep, `shakes` moves the tool at random, `guided` is an arm that surfuse could move, too.
+of real time a sweep, `shakes` throws the tool about, `guided` is an arm that surfuse could move, too.
 """
 
 import json
 import math
-import random
 import sys
 import time
 
@@ -25,7 +24,7 @@ def pose(t_s):
     """The tool: to and fro along x, slowly along y, nodding about y; it looks down."""
     x, y = 0.05 * math.sin(2.0 * math.pi * t_s / 4.0), 0.003 * t_s - 0.03
     if "shakes" in sys.argv:
-        x, y = random.uniform(-0.05, 0.05), random.uniform(-0.05, 0.05)
+        x = 0.3 * (-1.0) ** round(t_s / STEP_S // 2)
     nod = 0.05 * math.sin(2.0 * math.pi * t_s / 5.0)
     c, s = math.cos(nod), math.sin(nod)
     return [c, 0, -s, x, 0, -1, 0, y, -s, 0, -c, 0.4, 0, 0, 0, 1]
@@ -57,7 +56,12 @@ def main():
             taken = {"us0": t_s, "us1": t_s + 0.01}
             late = {"us0": 0.0, "us1": LATE_S}
             answer["readings"] = [
-                {"sensor": name, "t_s": taken[name], "range_m": range_of(name, taken[name] + late[name]), "status": "ok"}
+                {
+                    "sensor": name,
+                    "t_s": taken[name],
+                    "range_m": range_of(name, taken[name] + late[name]),
+                    "status": "ok",
+                }
                 for name in ask.get("sensors", SENSORS)
             ]
         print(json.dumps(answer), flush=True)
