@@ -99,7 +99,8 @@ class TiltedPlane:
         if self.status is not Status.OK:
             ranges = {Status.NO_ECHO: np.inf, Status.TOO_CLOSE: -np.inf, Status.FAULT: np.nan}
             return BridgeReading(name, self.now_s(), ranges[self.status], self.status)
-        range_m = self.pose[2, 3] - 0.1 * self.pose[0, 3] + 0.01 * self.sensors.index(name)
+        along = 0.1 * self.pose[0, 2] - self.pose[2, 2]
+        range_m = (self.pose[2, 3] - 0.1 * self.pose[0, 3]) / along + 0.01 * self.sensors.index(name)
         envelope = Envelope(0.1, 0.001, np.linspace(0.0, 1.0, 50, dtype=np.float32))
         return BridgeReading(name, self.now_s(), range_m, Status.OK, 0.7, 3e-4, ((range_m, 0.7), (0.9, 0.1)), envelope)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from surfuse.geometry.poses import inverse
 from surfuse.interfaces import Arm, PoseArm
-from surfuse.records import FloatArray, ScanPlan, ToolState
+from surfuse.records import FloatArray, JointState, ScanPlan, ToolState
 
 
 class StopArm(Protocol):
@@ -20,6 +20,9 @@ class StopArm(Protocol):
 
     def now_s(self) -> float:
         """The arm's own time."""
+
+    def standing(self) -> ToolState:
+        """Where the grip is now (`world_from_tool` is that of the grip)."""
 
     def go_to(self, plan: ScanPlan, stop: int) -> ToolState:
         """Go to a stop of the plan, settle, and say where the grip is (`world_from_tool` is that of the grip).
@@ -49,13 +52,19 @@ class JointStopArm:
         """The arm's own time."""
         return self.arm.joint_state().t_s
 
+    def standing(self) -> ToolState:
+        """See `StopArm.standing`."""
+        return self._grip(self.arm.joint_state())
+
     def go_to(self, plan: ScanPlan, stop: int) -> ToolState:
         """See `StopArm.go_to`."""
-        state = self.arm.move_to(plan.joints_rad[stop])
-        return ToolState(state.t_s, self.arm.kinematics.forward(state.position_rad), state.position_rad)
+        return self._grip(self.arm.move_to(plan.joints_rad[stop]))
 
     def check_still(self, standing: ToolState) -> None:
         """Its driver supervises the arm."""
+
+    def _grip(self, state: JointState) -> ToolState:
+        return ToolState(state.t_s, self.arm.kinematics.forward(state.position_rad), state.position_rad)
 
 
 @dataclass(frozen=True)
@@ -71,6 +80,10 @@ class PoseStopArm:
     def now_s(self) -> float:
         """The arm's own time."""
         return self.arm.tool_state().t_s
+
+    def standing(self) -> ToolState:
+        """See `StopArm.standing`."""
+        return self._grip(self.arm.tool_state())
 
     def go_to(self, plan: ScanPlan, stop: int) -> ToolState:
         """See `StopArm.go_to`."""

@@ -71,6 +71,7 @@ class BridgeClient:
         self._line = Conversation(transport, patience, self._watch.new_connection)
         self._hello: Hello | None = None
         self._move_lost = False
+        self._guided = False
 
     def __enter__(self) -> Self:
         try:
@@ -104,10 +105,15 @@ class BridgeClient:
         """Whether the bridge says that it can."""
         return ability in self.hello.can
 
+    def guide(self, by_hand: bool) -> None:
+        """From here on somebody else moves the arm, or nobody but surfuse does; where it stood does not count."""
+        self._guided = by_hand
+        self._watch.moving()
+
     def state(self) -> State:
         """Where the arm is; one that only surfuse moves must be where it was."""
         state = self._asked_state(Question.STATE)
-        if self.hello.arm is not None:
+        if self.hello.arm is not None and not self._guided:
             self._watch.check_rest(state)
         return state
 

@@ -23,12 +23,14 @@ class SharedBridge:
         self._connect = connect
         self._client: BridgeClient | None = None
         self._users = 0
+        self._guided = False
         self.offset = UNKNOWN_OFFSET
 
     def __enter__(self) -> Self:
         if self._users == 0:
             client = self._connect()
             client.__enter__()
+            client.guide(self._guided)
             self._client = client
             try:
                 self.offset = client.measure_clock()
@@ -46,6 +48,12 @@ class SharedBridge:
         if self._users == 0 and self._client is not None:
             client, self._client = self._client, None
             client.__exit__(kind, error, trace)
+
+    def guide(self, by_hand: bool) -> None:
+        """Whether somebody else moves the arm, as `BridgeClient.guide`; also before the bridge is open."""
+        self._guided = by_hand
+        if self._client is not None:
+            self._client.guide(by_hand)
 
     @property
     def client(self) -> BridgeClient:

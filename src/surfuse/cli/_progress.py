@@ -117,6 +117,23 @@ class TerminalWatcher:
         """So many steps of the stage are done."""
         self._progress.advance(self._task, steps)
 
+    def count(self, name: str, done: int) -> None:
+        """So many steps of a stage without a known end are done."""
+        self._progress.update(self._task, description=name, completed=done, total=None)
+
+    def ask(self, question: str) -> str | None:
+        """The answer of the user at the terminal; None when nobody is there."""
+        if not sys.stdin.isatty():
+            return None
+        self._progress.stop()
+        print(f"{question}\n> ", end="", file=sys.stderr, flush=True)
+        try:
+            return input()
+        except EOFError:
+            return None
+        finally:
+            self._progress.start()
+
     def warn(self, text: str) -> None:
         """Something that the user should know, not an error."""
         if not self._quiet:
@@ -142,6 +159,7 @@ class TerminalWatcher:
     def _line(self) -> str:
         task = self._progress.tasks[self._task]
         done = f" {task.completed:.0f} of {task.total:.0f}" if task.total is not None and task.total > 1 else ""
+        done = done if task.total is not None else f": {task.completed:.0f}"
         compiling = f" ({compiling_text()})" if COMPILING.depth else ""
         return f"surfuse: {task.description}{done}{compiling}, {time.monotonic() - self._began_s:.0f} s"
 

@@ -85,14 +85,19 @@ def _no_streams(stage: str, index: int) -> None:
     """A real rig, which has no random streams to choose."""
 
 
+def _not_supervised(by_hand: bool) -> None:
+    """A rig whose arm may be moved by anyone at any time."""
+
+
 @dataclass(frozen=True)
 class Rig:
     """Devices and their known places: an array on an arm, and what else there is.
 
     The arm takes joints (`motion`), with the grip as its tool, or poses (`poses`), with the grip at `tool_from_grip`
     (4, 4) on its tool. `lookout` finds the part (None: the area to scan is given). `begin` tells a twin which stop
-    comes next. `truth` is None in a real rig. `counters` counts what happened on the bus between host and array (None:
-    there is no bus). `simulated`: time passes only when the devices say so.
+    comes next. `guide` tells the supervision of the arm whether a person moves it. `truth` is None in a real rig.
+    `counters` counts what happened on the bus between host and array (None: there is no bus). `simulated`: time passes
+    only when the devices say so.
     """
 
     clock: Clock
@@ -102,6 +107,7 @@ class Rig:
     tool_from_grip: FloatArray = field(default_factory=lambda: np.eye(4))
     lookout: Lookout | None = None
     begin: Callable[[str, int], None] = _no_streams
+    guide: Callable[[bool], None] = _not_supervised
     truth: Truth | None = None
     warnings: tuple[str, ...] = ()
     counters: Callable[[], BusCounters] | None = None
@@ -138,6 +144,15 @@ class Rig:
             for device in self.devices:
                 stack.enter_context(device)
             yield
+
+    @contextmanager
+    def guided(self) -> Iterator[None]:
+        """While somebody else moves the arm: that it moves without being sent is no reason to stop then."""
+        self.guide(True)
+        try:
+            yield
+        finally:
+            self.guide(False)
 
     def joint_motion(self, what: str) -> JointMotion:
         """The arm that takes joints.

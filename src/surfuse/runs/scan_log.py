@@ -18,7 +18,8 @@ class ScanLog:
 
     `world_from_part` (4, 4) is the given part frame, or an estimate when `frame_estimated`. `warnings` are sentences
     for the user about everything that was repaired, assumed or left out. `targets_uv_m` (M, 2) is where the plan of
-    the scan wanted its stops, in the part frame (None: no plan is known).
+    the scan wanted its stops, in the part frame (None: no plan is known). `step_m` is that of the map (None: the
+    distance between the stops).
     """
 
     readings: Readings
@@ -28,6 +29,7 @@ class ScanLog:
     depth_max_m: float = float("inf")
     warnings: tuple[str, ...] = ()
     targets_uv_m: FloatArray | None = None
+    step_m: float | None = None
 
     def scene(self) -> FusionScene:
         """What a fusion method gets before the first reading."""

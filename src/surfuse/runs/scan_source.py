@@ -12,6 +12,7 @@ from surfuse.runs.log_files import log_segments
 from surfuse.runs.log_reader import is_own_log, read_log
 from surfuse.runs.log_records import Damage
 from surfuse.runs.readings_csv import read_readings_csv
+from surfuse.runs.recorded_log import is_recorded, recorded_scan, wanted_step_m
 from surfuse.runs.scan_log import AssumedSensor, ScanLog
 from surfuse.runs.tof_vicon import is_tof_vicon, read_tof_vicon
 
@@ -96,6 +97,8 @@ def own_scan(path: Path) -> ScanLog:
         lost = "scene (sensors and part frame)" if log.scene is None else "complete sweep"
         because = f" ({notes[0]})" if notes else ""
         raise DataError(f"the log has no {lost}{because}", where=str(path), cure="acquire again, or 'surfuse resume'")
+    if is_recorded(log):
+        return recorded_scan(log, log.scene, wanted_step_m(path), notes)
     return ScanLog(
         readings=log.readings(),
         world_from_part=log.scene.world_from_part,

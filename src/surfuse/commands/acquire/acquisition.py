@@ -11,6 +11,7 @@ from pathlib import Path
 from subprocess import Popen
 
 from surfuse.commands.acquire.consent import agreed, refuse_unasked
+from surfuse.commands.acquire.corners import job_with_corners
 from surfuse.commands.acquire.job import Job
 from surfuse.commands.acquire.locating import LocatedPart, finder, locate
 from surfuse.commands.acquire.planning import plan_for, scene_of
@@ -149,6 +150,7 @@ def _acquire(run: RunFolder, job: Job, warm_up: Popen[bytes] | None) -> Finished
     # Read before the writer opens: opening gives a killed segment its missing end.
     progress = read_progress(run.path)
     with rig.opened(), LogWriter(run.log) as log:
+        job = job_with_corners(run, job)
         scene, plan, done = _begin(progress, job, log)
         with _noted(log, rig):
             agreed(job, plan, min(set(range(len(plan))) - {sweep.stop for sweep in done}, default=len(plan)))

@@ -35,7 +35,7 @@ def grid_of(scan: ScanLog) -> MapGrid:
     heard = readings.range_m[(readings.status == int(Status.OK)) & np.isfinite(readings.range_m)]
     typical = float(np.median(heard)) if len(heard) else 0.0
     seen = readings.world_from_grip[:, :3, 3] + typical * readings.world_from_grip[:, :3, 2]
-    return lattice(transform_points(inverse(scan.world_from_part), seen)[:, :2], scan.world_from_part)
+    return lattice(transform_points(inverse(scan.world_from_part), seen)[:, :2], scan.world_from_part, scan.step_m)
 
 
 def opened(source: LogSource, watcher: Watcher) -> ScanLog:

@@ -38,8 +38,9 @@ from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_files import segment_paths
 from surfuse.runs.log_reader import read_log
 from surfuse.runs.log_records import Level, RunLog
+from surfuse.runs.recorded_log import is_recorded
 from surfuse.runs.scan_log import ScanLog
-from surfuse.runs.scan_source import source_of_table
+from surfuse.runs.scan_source import own_scan, source_of_table
 from surfuse.settings import FusionSettings, Settings, from_tree
 from surfuse.surface.score import score
 from surfuse.surface.splines import spline_surface
@@ -122,16 +123,20 @@ def content_of(run: RunFolder, scan: ScanLog | None = None, against: str = PAPER
     log = read_log(run.path) if run.log.is_dir() and segment_paths(run.log) else None
     if log is None and scan is None:
         scan = _source(run)
-    readings = log.readings() if log is not None and log.sweeps else scan.readings if scan is not None else None
+    elif log is not None and is_recorded(log):
+        # Somebody else moved the arm: lines and part frame are found as for a log of another rig.
+        scan = own_scan(run.path)
+    readings = scan.readings if scan is not None else log.readings() if log is not None and log.sweeps else None
     data = json.loads(run.summary.read_text("utf-8")) if run.summary.is_file() else {}
     spline = spline_surface(surface)
-    scene = log.scene if log is not None else scan.scene() if scan is not None else None
+    scene = scan.scene() if scan is not None else log.scene if log is not None else None
     rival = _rival(against, surface, scene, readings, settings)
     truth = _truth(run, surface)
-    name = settings.scene.name if settings and log else run.path.resolve().name
+    twin = settings is not None and not settings.arm.is_real and log is not None
+    name = settings.scene.name if settings is not None and twin else run.path.resolve().name
     return ReportContent(
         title=f"Surface of '{Path(name).name}'",
-        scene=Path(name).name if log else "",
+        scene=Path(name).name if twin else "",
         method=surface.method,
         made=f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
         version=__version__,
@@ -144,7 +149,7 @@ def content_of(run: RunFolder, scan: ScanLog | None = None, against: str = PAPER
         points=points if points is not None and readings is not None and len(points) == readings.n_sweeps else None,
         readings=readings,
         arm_m=_skeleton(log, readings, settings),
-        scenery=_scenery(settings) if log else (),
+        scenery=_scenery(settings) if twin else (),
         scores=_scores(run, [surface, spline, *([rival] if rival is not None else [])]),
         events=_events(log) if log is not None else _notes(scan),
         configuration_toml=run.configuration.read_text("utf-8") if run.configuration.is_file() else "",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,14 +37,14 @@ def real_rig(settings: Settings) -> Rig:
     array = array_of(settings.sensor, bridge, clock)
     grip = tool_from_grip(*places(settings.sensor))
     joints = _joint_arm(settings, grip, bridge, clock)
-
-    def begin(stage: str, index: int) -> None:
-        if bridge is not None:
-            bridge.client.begin(stage, index)
-
-    if joints is not None:
-        return Rig(clock=clock, array=array, motion=JointMotion(joints), begin=begin)
-    return Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge), tool_from_grip=grip, begin=begin)
+    rig = (
+        Rig(clock=clock, array=array, motion=JointMotion(joints))
+        if joints is not None
+        else Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge), tool_from_grip=grip)
+    )
+    if bridge is None:
+        return rig
+    return replace(rig, begin=bridge.client.begin, guide=bridge.guide)
 
 
 def _bridge(settings: Settings) -> SharedBridge | None:
