@@ -94,10 +94,10 @@ def test_a_node_in_another_process_gives_the_same_numbers_and_ends_cleanly():
         printed, errors = process.communicate(timeout=300)
     assert (process.returncode, errors) == (0, "")
     assert json.loads(printed)["sensors"] == ["us0", "us1", "us2", "us3"]
-    plain = readings("bus.interface=none")
+    plain = readings()
     np.testing.assert_array_equal(np.array(over_udp), np.array(plain))
     np.testing.assert_array_equal(np.array(again), np.array(plain))
-    plain_together = readings("array.trigger=simultaneous", "bus.interface=none")
+    plain_together = readings("array.trigger=simultaneous")
     np.testing.assert_array_equal(np.array(together), np.array(plain_together))
     assert together != over_udp
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
 from surfuse.commands.acquire.unused_settings import unused
+from surfuse.commands.acquire.walking import smooth_pass
 from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.records import Outline, ScanPlan, Status
-from surfuse.rig.description import square_fixture
+from surfuse.rig.description import square_fixture, sweep_time
+from surfuse.rig.devices import JointMotion, Rig, SmoothMotion
 from surfuse.runs.scan_log import few_echoes
 from surfuse.settings import load
 from surfuse.settings.changes import changed
@@ -125,6 +128,36 @@ def test_few_echoes_are_told(command, plate, tmp_path):
     answer = command("fuse", log, "--method", "mean", "--out", tmp_path / "run")
     assert "readings are echoes" in answer.err
     assert any("are echoes" in text for text in json.loads((tmp_path / "run" / "summary.json").read_text())["warnings"])
+
+
+def test_a_pass_that_is_faster_than_its_bus_is_told_with_value_limit_and_cure():
+    smooth = ["scan.mode=smooth", "scan.speed_m_s=0.06", "scan.step_m=0.012"]
+    assert told(*smooth) == ""
+    slow = told(*smooth, "bus.bitrate_bps=10000")
+    for words in (
+        "scan.speed_m_s = 0.06",
+        "every 200 ms",
+        "takes 248.5 ms",
+        "148.5 ms of it on the bus",
+        "0.0482 or less",
+    ):
+        assert words in slow
+    assert "faster bus" in slow
+    assert told(*smooth, "bus.bitrate_bps=20000") == ""
+    assert "on the bus" not in told(*smooth, "scan.speed_m_s=0.2", "bus.interface=none")
+
+
+def test_a_pass_without_a_given_speed_waits_for_its_bus():
+    settings = load(None, ["scan.mode=smooth", "bus.bitrate_bps=10000"])
+    time = sweep_time(settings, square_fixture(settings).specs)
+    assert (time.firing_s, time.bus_s) == (pytest.approx(0.1), pytest.approx(0.1485))
+    speeds = []
+    motion = JointMotion(arm=None, smooth=SmoothMotion(None, speeds.append))
+    array = SimpleNamespace(fixture=square_fixture(settings))
+    for bitrate_bps in (10_000, 1_000_000):
+        chosen = load(None, ["scan.mode=smooth", f"bus.bitrate_bps={bitrate_bps}"])
+        smooth_pass(Rig(clock=None, array=array, motion=motion), chosen)
+    assert speeds == [settings.step_m / time.total_s, 0.95 * settings.step_m / time.firing_s]
 
 
 def test_only_what_differs_from_the_defaults_is_changed():

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from surfuse.geometry.poses import pose
 from surfuse.geometry.sensor_array import grip_from_sensors, tool_from_grip
+from surfuse.node.bus_time import sweep_bus_s
 from surfuse.node.link import BusParameters
 from surfuse.physics.air import speed_of_sound
 from surfuse.records import CameraModel, Fixture, FloatArray, SensorSpec
 from surfuse.rig.described_sensors import described_spec, places
 from surfuse.rig.mounts import Mount
 from surfuse.sensors import polaroid
-from surfuse.settings import BusSettings, Settings
+from surfuse.settings import NO_BUS, BusSettings, Settings
 
 PING_PERIOD_S = polaroid.SPEC.firing_time_s / polaroid.Parameters().pings
 NODE_GROUP = "239.74.163.2"
@@ -101,3 +103,24 @@ def bus_parameters(bus: BusSettings) -> BusParameters:
     options = (("port", bus.port),) if bus.interface == "udp_multicast" else ()
     usual = NODE_GROUP if bus.interface == "udp_multicast" else "can0"
     return BusParameters(bus.interface, bus.channel or usual, bus.bitrate_bps, options)
+
+
+@dataclass(frozen=True)
+class SweepTime:
+    """How long a sweep takes: until its sensors have fired, and what its frames then take on the bus."""
+
+    firing_s: float
+    bus_s: float
+
+    @property
+    def total_s(self) -> float:
+        """Until the next sweep can begin."""
+        return self.firing_s + self.bus_s
+
+
+def sweep_time(settings: Settings, specs: Sequence[SensorSpec]) -> SweepTime:
+    """How long a sweep of these sensors takes as configured."""
+    times_s = [spec.firing_time_s for spec in specs]
+    firing_s = max(times_s) if settings.array.trigger == "simultaneous" else sum(times_s)
+    bus = settings.bus
+    return SweepTime(firing_s, 0.0 if bus.interface == NO_BUS else sweep_bus_s(len(specs), bus.bitrate_bps))

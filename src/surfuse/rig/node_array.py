@@ -8,6 +8,7 @@ from typing import Protocol
 
 from surfuse.interfaces import Clock, Device, OpenedTogether, RangeSensor
 from surfuse.node.array import CanArray, Parameters
+from surfuse.node.bus_time import sweep_bus_s
 from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import BusCounters, Tally
 from surfuse.node.firmware import Node
@@ -55,23 +56,30 @@ class _ArrayOnBus(OpenedTogether):
 class ArrayInProcess(_ArrayOnBus):
     """The sensors of a fixture behind a node on the virtual bus of this process; see `in_process`."""
 
-    def __init__(self, node: Node, array: CanArray) -> None:
+    def __init__(self, node: Node, array: CanArray, clock: Clock, bus_s: float) -> None:
         super().__init__(array, node, array)
+        self._clock, self._bus_s = clock, bus_s
 
     def sweep(self) -> tuple[Echo, ...]:
-        """One answer a sensor, in the order of the fixture."""
-        return self._array.sweep()
+        """One answer a sensor, in the order of the fixture.
+
+        Afterwards simulated time goes on by that of the frames on the bus: what is read does not depend on the bus.
+        """
+        echoes = self._array.sweep()
+        self._clock.advance(self._bus_s)
+        return echoes
 
 
 class ArrayElsewhere(_ArrayOnBus):
     """The sensors of a fixture behind a node in another process; see `elsewhere`."""
 
     def __init__(self, array: CanArray, tether: Tether | None, clock: Clock, sweep_s: float) -> None:
+        """`sweep_s` is how long a sweep takes, with its frames on the bus."""
         super().__init__(array, array, *([] if tether is None else [tether]))
         self._tether, self._clock, self._sweep_s = tether, clock, sweep_s
 
     def sweep(self) -> tuple[Echo, ...]:
-        """One answer a sensor, in the order of the fixture; simulated time goes on by their firing times.
+        """One answer a sensor, in the order of the fixture; simulated time goes on by that of the sweep.
 
         A simulated node that is started again in the middle no longer knows where it is: it is told, and fires anew.
         """
@@ -105,21 +113,22 @@ def in_process(
     fixture: Fixture,
     sensors: Sequence[RangeSensor],
     node: int,
+    bitrate_bps: int,
     clock: Clock,
     fire_together: SimultaneousFire,
     together: bool,
 ) -> ArrayInProcess:
     """Sensors behind a node in a thread of this process, on a virtual bus that no one else is on.
 
-    `clock` is shared by both ends and the sensors; `together` has them sent by `volley` instead of one after the other.
+    `clock` is shared by both ends and the sensors; `together` has them sent by `fire_together`, not one by one.
     """
-    bus = BusParameters("virtual", f"surfuse-{next(_numbers)}")
+    bus = BusParameters("virtual", f"surfuse-{next(_numbers)}", bitrate_bps)
     responder = Responder(sensors, clock, NodeIdentity(node), Catalogue(), fire_together=fire_together)
     timeouts = NodeTimeouts(silence_limit_s=_SIMULATED_SILENCE_S, lost_sweeps_limit=_LOST_SWEEPS)
     host = Parameters(bus=bus, node=node, timeouts=timeouts, together=together)
-    return ArrayInProcess(
-        Node(responder, BusLink(_opener(bus), clock, Tally())), _can_array(fixture, host, clock, clock)
-    )
+    firmware = Node(responder, BusLink(_opener(bus), clock, Tally()))
+    bus_s = sweep_bus_s(len(fixture), bitrate_bps)
+    return ArrayInProcess(firmware, _can_array(fixture, host, clock, clock), clock, bus_s)
 
 
 def elsewhere(
@@ -139,7 +148,8 @@ def elsewhere(
     sweep_s = _firing_time_s(fixture, together)
     arrivals = _ArrivalClock(clock, _REAL_SWEEP_S if tether is None else sweep_s)
     host = Parameters(bus=bus, node=node, timeouts=timeouts, together=together)
-    return ArrayElsewhere(_can_array(fixture, host, clock, arrivals), tether, clock, sweep_s)
+    bus_s = sweep_bus_s(len(fixture), bus.bitrate_bps)
+    return ArrayElsewhere(_can_array(fixture, host, clock, arrivals), tether, clock, sweep_s + bus_s)
 
 
 def _can_array(fixture: Fixture, parameters: Parameters, clock: Clock, arrivals: Clock) -> CanArray:

@@ -197,7 +197,12 @@ class BusSettings(Section):
     )
     channel: str = Field("", description="name, port or group of the adapter; empty: the usual one")
     port: int = Field(43113, ge=1024, le=65535, description="UDP port of udp_multicast")
-    bitrate_bps: int = Field(1_000_000, ge=10_000, le=1_000_000, description="bit rate of the bus")
+    bitrate_bps: int = Field(
+        1_000_000,
+        ge=10_000,
+        le=1_000_000,
+        description="bit rate of the bus; simulated time goes on by that of its bits",
+    )
     node: int = Field(1, ge=1, le=7, description="address of the node")
     connect_timeout_s: float = Field(20.0, gt=0.0, le=3600.0, description="wait for a node in another process")
     tether_port: int = Field(

@@ -10,6 +10,7 @@ import numpy as np
 from surfuse.commands.acquire.unused_settings import unused
 from surfuse.errors import ConfigError
 from surfuse.records import ULTRASONIC, FloatArray, Outline, ScanPlan, SensorSpec
+from surfuse.rig.description import sweep_time
 from surfuse.settings import Settings
 
 _ROOM_M = 0.03  # relief in front of the plane that should still be heard
@@ -50,7 +51,7 @@ def doubts(settings: Settings, specs: Sequence[SensorSpec], plan: ScanPlan) -> t
     if settings.arm.is_real:
         return tuple(found + _tallest(settings))
     found += [*_table_edge(settings, specs, plan), *_air(settings, standoff_m), *_disturbing(settings)]
-    found += unused(settings)
+    found += [*_hurried(settings, specs), *unused(settings)]
     return tuple(found)
 
 
@@ -144,3 +145,20 @@ def _disturbing(settings: Settings) -> list[str]:
     if settings.kit.trigger == "internal":
         keys.append("kit.trigger = 'internal'")
     return [f"{key}: the sensors hear one another; triggered one after the other they do not" for key in keys]
+
+
+def _hurried(settings: Settings, specs: Sequence[SensorSpec]) -> list[str]:
+    """A smooth pass on which the next stop comes before the sweep of the last one is in."""
+    speed_m_s = settings.scan.speed_m_s
+    if settings.scan.mode != "smooth" or speed_m_s is None:
+        return []
+    time, step_s = sweep_time(settings, specs), settings.step_m / speed_m_s
+    if time.total_s <= step_s:
+        return []
+    most_m_s = settings.step_m / time.total_s
+    bus = f", {1e3 * time.bus_s:.1f} ms of it on the bus at bus.bitrate_bps = {settings.bus.bitrate_bps}"
+    return [
+        f"scan.speed_m_s = {speed_m_s:g} passes a stop every {1e3 * step_s:.0f} ms, but a sweep takes "
+        f"{1e3 * time.total_s:.1f} ms{bus if time.bus_s else ''}: readings come later and later behind their stops; "
+        f"give {math.floor(1e4 * most_m_s) / 1e4:g} or less{', or a faster bus' if time.firing_s <= step_s else ''}"
+    ]

@@ -30,8 +30,9 @@ def _without_effect(settings: Settings) -> list[tuple[tuple[str, ...], str]]:
     if arm.file is None:
         found.append((("arm.ready_deg", "arm.joint_speed", "arm.joint_acceleration"), "without arm.file"))
     if interface in (NO_BUS, "virtual"):
-        keys: tuple[str, ...] = ("bus.channel", "bus.port", "bus.bitrate_bps", "bus.connect", "bus.tether")
-        found.append((keys + (("bus.node",) if interface == NO_BUS else ()), f"with bus.interface = '{interface}'"))
+        keys: tuple[str, ...] = ("bus.channel", "bus.port", "bus.connect", "bus.tether")
+        without: tuple[str, ...] = ("bus.node", "bus.bitrate_bps") if interface == NO_BUS else ()
+        found.append((keys + without, f"with bus.interface = '{interface}'"))
     elif interface != "udp_multicast":
         found.append((("bus.port",), f"with bus.interface = '{interface}'"))
     if not Path(settings.scene.name).suffix:

@@ -14,6 +14,7 @@ from surfuse.errors import ConfigError, UnreachableError
 from surfuse.geometry.poses import inverse
 from surfuse.plan.approach import approach
 from surfuse.records import FusionScene, JointSamples, Outline, ScanPlan, Sweep
+from surfuse.rig.description import sweep_time
 from surfuse.rig.devices import JointMotion, Rig
 from surfuse.runs.log_records import Level, LogEvent
 from surfuse.runs.log_writer import LogWriter
@@ -97,10 +98,12 @@ def smooth_pass(rig: Rig, settings: Settings) -> SmoothPass | None:
         raise ConfigError("scan.mode = 'smooth', but this arm has no driver for it", cure="set scan.mode = 'stops'")
     together = settings.array.trigger == "simultaneous"
     firing_s = [spec.firing_time_s for spec in rig.specs]
-    sweep_s = max(firing_s) if together else sum(firing_s)
-    speed = settings.scan.speed_m_s or _SWEEP_SHARE * settings.step_m / sweep_s
+    time = sweep_time(settings, rig.specs)
+    speed = settings.scan.speed_m_s or min(
+        _SWEEP_SHARE * settings.step_m / time.firing_s, settings.step_m / time.total_s
+    )
     reading_s = 0.5 * firing_s[0] * (settings.pings - 1) / settings.pings
-    lead_s = reading_s + (0.0 if together else 0.5 * (sweep_s - firing_s[-1]))
+    lead_s = reading_s + (0.0 if together else 0.5 * (time.firing_s - firing_s[-1]))
     return SmoothPass(smooth.arm, smooth.planner(speed), SmoothParameters(lead_s, reading_s))
 
 

@@ -44,7 +44,8 @@ def real_rig(settings: Settings) -> Rig:
     )
     if bridge is None:
         return rig
-    return replace(rig, begin=bridge.client.begin, guide=bridge.guide)
+    # The conversation is asked for when it is needed: the bridge opens later.
+    return replace(rig, begin=lambda stage, index: bridge.client.begin(stage, index), guide=bridge.guide)
 
 
 def _bridge(settings: Settings) -> SharedBridge | None:

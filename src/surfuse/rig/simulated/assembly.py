@@ -195,7 +195,7 @@ def _array(
     if bus.interface == NO_BUS or len(sensors) > MAX_SENSORS:
         return together if at_once else sequential.create(fixture, sensors)
     if bus.interface == "virtual":
-        return in_process(fixture, sensors, bus.node, clock, together.fire_together, at_once)
+        return in_process(fixture, sensors, bus.node, bus.bitrate_bps, clock, together.fire_together, at_once)
     tether = HostEnd(bus.tether_port, settings.model_dump(), place) if bus.tether_port else None
     return elsewhere(fixture, bus_parameters(bus), bus.node, bus.connect_timeout_s, tether, clock, at_once)
 
