@@ -8,9 +8,9 @@ from contextlib import contextmanager
 
 import viser
 
-from surfuse.errors import UsageError
 from surfuse.report.content import ReportContent
-from surfuse.report.quiet_viewer import LOOPBACK, loopback_server
+from surfuse.report.page_guard import LOOPBACK
+from surfuse.report.quiet_viewer import loopback_server
 from surfuse.report.scan_scene import ScanScene
 from surfuse.report.scene_limits import SceneLimits
 
@@ -45,14 +45,12 @@ def _add_stop_slider(server: viser.ViserServer, scan: ScanScene) -> None:
 
 @contextmanager
 def opened(content: ReportContent, port: int = 8080) -> Iterator[str]:
-    """Open the viewer on the loopback address; yields its real address, which has another port when `port` is busy.
+    """Open the viewer on the loopback address; yields its address.
 
     Raises
     ------
-    UsageError : the port is not in 0..65535.
+    UsageError : the port cannot be had.
     """
-    if not 0 <= port <= 65535:
-        raise UsageError(f"port {port} does not exist", cure="give 0 to 65535; 0 takes any free one")
     with loopback_server(port, content.title[:60]) as server:
         scan = ScanScene(server, content, LIVE_LIMITS)
         if scan.surfaces:
