@@ -19,9 +19,9 @@ NAMES = (LOOPBACK, "localhost")
 
 POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
-    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; worker-src 'self' blob: data:; manifest-src 'self'; "
-    "connect-src 'self' ws://127.0.0.1:* ws://localhost:* data: blob:; frame-ancestors 'none'; form-action 'none'; "
-    "base-uri 'none'"
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+    "worker-src 'self' blob: data:; manifest-src 'self'; connect-src 'self' ws://127.0.0.1:* ws://localhost:* "
+    "data: blob:; frame-ancestors 'none'; form-action 'none'; base-uri 'none'"
 )
 """What the browser may do with the page: ask this server alone, and never inside another page."""
 
