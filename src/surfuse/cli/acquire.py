@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from surfuse.cli import _options as options
+
+if TYPE_CHECKING:
+    from surfuse.commands.outcome import Outcome, Watcher
+    from surfuse.commands.show.observer import ScanObserver
 
 HELP = """Find the part, outline it, plan, scan, fuse, report.
 
@@ -20,6 +24,7 @@ Examples:
     surfuse acquire flat --smooth    (readings on the fly: a fifth of the robot time)
     surfuse acquire flat --arm my_arm.urdf --tool flange
     surfuse acquire relief --node udp    (against `surfuse node` in another terminal)
+    surfuse acquire relief --view    (open the printed address in a browser)
 """
 
 BUS_NAMES = {"udp": "udp_multicast"}
@@ -47,12 +52,14 @@ def acquire(
     smooth: Annotated[
         bool, typer.Option("--smooth", help="One smooth pass: the array fires while the arm moves.")
     ] = False,
+    view: options.View = False,
+    view_port: options.ViewPort = 0,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
     """Run the main job."""
     from surfuse import settings
-    from surfuse.cli._progress import TerminalWatcher
+    from surfuse.cli._watching import watched_command
 
     texts = options.overrides(assignments, method, seed)
     if scene is not None:
@@ -63,9 +70,11 @@ def acquire(
     if smooth:
         texts.append('scan.mode="smooth"')
     configuration = settings.load(cell, texts)
-    with TerminalWatcher(quiet or as_json) as watcher:
+
+    def job(watcher: Watcher, observer: ScanObserver) -> Outcome:
         # The import takes seconds: it comes while the watcher shows that something goes on.
         from surfuse.commands.acquire import acquisition
 
-        outcome = acquisition.acquire(configuration, out, watcher)
-    return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)
+        return acquisition.acquire(configuration, out, watcher, observer)
+
+    return watched_command(job, as_json, quiet, view_port if view else None)

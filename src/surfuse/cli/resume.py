@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from surfuse.cli import _options as options
+
+if TYPE_CHECKING:
+    from surfuse.commands.outcome import Outcome, Watcher
+    from surfuse.commands.show.observer import ScanObserver
 
 HELP = """Go on with an interrupted acquisition, from the first stop that is not on disk.
 
@@ -24,15 +28,18 @@ def register(app: typer.Typer) -> None:
 
 def resume(
     run: Annotated[Path, typer.Argument(help="Folder of the interrupted run.")],
+    view: options.View = False,
+    view_port: options.ViewPort = 0,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
     """Finish the run."""
-    from surfuse.cli._progress import TerminalWatcher
+    from surfuse.cli._watching import watched_command
 
-    with TerminalWatcher(quiet or as_json) as watcher:
+    def job(watcher: Watcher, observer: ScanObserver) -> Outcome:
         # The import takes seconds: it comes while the watcher shows that something goes on.
         from surfuse.commands.acquire import acquisition
 
-        outcome = acquisition.resume(run, watcher)
-    return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)
+        return acquisition.resume(run, watcher, observer)
+
+    return watched_command(job, as_json, quiet, view_port if view else None)

@@ -19,6 +19,7 @@ from surfuse.commands.acquire.walking import walk
 from surfuse.commands.acquire.warm_up import wait_for, warm_up_beside
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, Watcher
+from surfuse.commands.show.observer import UNOBSERVED, ScanObserver
 from surfuse.errors import ConfigError, DataError, DeviceError, InterruptError, SafetyStopError, StorageError
 from surfuse.records import FusionScene, ScanPlan, Sweep
 from surfuse.rig.area import area_of, outline_of
@@ -33,8 +34,8 @@ from surfuse.runs.scan_log import few_echoes
 from surfuse.settings import Settings, from_tree
 
 
-def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
-    """Acquire the surface of the part in the cell into a new run folder.
+def acquire(settings: Settings, out: Path | None, watcher: Watcher, observer: ScanObserver = UNOBSERVED) -> Outcome:
+    """Acquire the surface of the part in the cell into a new run folder; the observer looks on.
 
     Raises
     ------
@@ -51,10 +52,10 @@ def acquire(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
         run = RunFolder.create(out or default_folder(settings.scene.name))
         with run.lock(), _resumable(run):
             write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
-            return outcome_of(_acquire(run, Job(settings, rig, method, watcher), warm_up), run, began)
+            return outcome_of(_acquire(run, Job(settings, rig, method, watcher, observer), warm_up), run, began)
 
 
-def resume(path: Path, watcher: Watcher) -> Outcome:
+def resume(path: Path, watcher: Watcher, observer: ScanObserver = UNOBSERVED) -> Outcome:
     """Go on with an interrupted acquisition; the map is the one that the uninterrupted run would have given.
 
     A run that is complete already is left as it is.
@@ -81,7 +82,7 @@ def resume(path: Path, watcher: Watcher) -> Outcome:
     with warm_up_beside(method.name) as warm_up:
         rig = simulated_rig(settings)
         with run.lock(), _resumable(run):
-            return outcome_of(_acquire(run, Job(settings, rig, method, watcher), warm_up), run, began)
+            return outcome_of(_acquire(run, Job(settings, rig, method, watcher, observer), warm_up), run, began)
 
 
 def _complete(run: RunFolder) -> Outcome:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from surfuse.commands.outcome import Watcher
+from surfuse.commands.show.observer import UNOBSERVED, ScanObserver
 from surfuse.interfaces import FusionMethod
 from surfuse.rig.devices import Rig
 from surfuse.settings import Settings
@@ -12,9 +13,10 @@ from surfuse.settings import Settings
 
 @dataclass(frozen=True)
 class Job:
-    """The configuration, the rig that it describes, the fusion method, and who is told about progress."""
+    """The configuration, the rig that it describes, the fusion method, who is told about progress, and who looks on."""
 
     settings: Settings
     rig: Rig
     method: FusionMethod
     watcher: Watcher
+    observer: ScanObserver = UNOBSERVED
