@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
 import numpy as np
 import viser
@@ -14,6 +15,8 @@ from surfuse.report.moving_parts import ArmParts, ArrayParts, Moment, colours_by
 from surfuse.report.playback import Playback
 from surfuse.report.scale_bar import add_scale_bar
 
+LinkPoses = Callable[[FloatArray], FloatArray]
+
 LINE, PLANNED = (11, 110, 110), (150, 150, 150)
 NODES_MAX = 10000
 """A map of more nodes is thinned out: it is sent again with every change."""
@@ -22,12 +25,15 @@ NODES_MAX = 10000
 class LiveScene:
     """Scene and controls of a running scan on a server.
 
-    The sweeps are kept, so that every stop can be shown again; `joints_m` (L + 1, 3) are places of the arm's joints.
+    The sweeps are kept, so that every stop can be shown again. `link_poses` maps joints (N, J) to poses (N, L, 4, 4) of
+    the arm's links; without it only the array is drawn.
     """
 
-    def __init__(self, server: viser.ViserServer, scene: FusionScene, plan: ScanPlan) -> None:
-        self._server, self._plan = server, plan
-        self._sweeps: list[tuple[Sweep, FloatArray | None]] = []
+    def __init__(
+        self, server: viser.ViserServer, scene: FusionScene, plan: ScanPlan, link_poses: LinkPoses | None = None
+    ) -> None:
+        self._server, self._plan, self._link_poses = server, plan, link_poses
+        self._sweeps: list[Sweep] = []
         self._array: ArrayParts | None = None
         self._arm: ArmParts | None = None
         self._map: SurfaceMap | None = None
@@ -58,7 +64,7 @@ class LiveScene:
         """Look at the part from the sensors' side; pages that are open already turn there, too."""
         middle = 0.5 * (self._low + self._high)
         centre = transform_points(world_from_part, np.array([*middle, 0.5 * self._plan.standoff_m]))
-        far = max(2.0 * float(np.linalg.norm(self._high - self._low)), 2.0 * self._plan.standoff_m)
+        far = max(2.2 * float(np.linalg.norm(self._high - self._low)), 2.2 * self._plan.standoff_m)
         place = centre + far * (world_from_part[:3, :3] @ np.array([0.85, 0.55, 0.75]))
         fov_rad = float(np.radians(45.0))
         first = self._server.initial_camera
@@ -66,9 +72,9 @@ class LiveScene:
         for page in self._server.get_clients().values():
             page.camera.position, page.camera.look_at, page.camera.fov = place, centre, fov_rad
 
-    def add(self, sweep: Sweep, joints_m: FloatArray | None) -> None:
+    def add(self, sweep: Sweep) -> None:
         """One stop more; it is drawn by `playback.extend` for those who follow."""
-        self._sweeps.append((sweep, joints_m))
+        self._sweeps.append(sweep)
 
     def tell(self, text_html: str) -> None:
         """What the page says of the scan."""
@@ -91,7 +97,7 @@ class LiveScene:
             self._legend.content = legend_html(shown, beams=True)
 
     def _show(self, number: int) -> None:
-        sweep, joints_m = self._sweeps[number]
+        sweep = self._sweeps[number]
         moment = Moment(
             sweep.world_from_grip, sweep.position_m, sweep.axis, sweep.range_m, colours_by_status(sweep.status)
         )
@@ -101,6 +107,7 @@ class LiveScene:
                 self._array = ArrayParts(self._server.scene, max(len(sweep.range_m), 1))
             self._array.mount(sweep.sensor, moment)
             self._array.show(moment)
-            if joints_m is not None:
+            if self._link_poses is not None and sweep.joints_rad.size:
+                joints_m = self._link_poses(sweep.joints_rad[None])[0, :, :3, 3]
                 self._arm = self._arm or ArmParts(self._server.scene, link_lengths(joints_m[None]))
                 self._arm.show(joints_m)

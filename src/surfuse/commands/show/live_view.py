@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import queue
 import threading
 import time
@@ -9,12 +10,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-import numpy as np
 import viser
 
 from surfuse.commands.show.map_so_far import MapSoFar, WorkShare
 from surfuse.commands.show.observer import PlannedScan
-from surfuse.records import FloatArray, SurfaceMap, Sweep
+from surfuse.records import SurfaceMap, Sweep
 from surfuse.report.live_scene import LiveScene
 from surfuse.report.page_guard import LOOPBACK
 from surfuse.report.playback import TICK_S
@@ -99,7 +99,7 @@ class LiveView:
                     told = self._inbox.get()
                     if isinstance(told, PlannedScan):
                         waiting.remove()
-                        drawer = _Drawer(LiveScene(self.server, told.scene, told.plan), told)
+                        drawer = _Drawer(LiveScene(self.server, told.scene, told.plan, told.link_poses), told)
                     elif drawer is not None:
                         drawer.take(told)
                 if drawer is not None:
@@ -115,8 +115,7 @@ class _Drawer:
         self._scene, self._scan = scene, scan
         self._map = MapSoFar(scan)
         self._drawing, self._mapping = WorkShare(DRAWING_SHARE), WorkShare(MAP_SHARE)
-        self._began_s, self._drawn_s = time.monotonic(), 0.0
-        self._times_s: list[float] = []
+        self._drawn_s, self._first_s, self._last_s, self._came = 0.0, math.inf, 0.0, 0
         self._count, self._mapped, self._final = 0, 0, False
         for sweep in scan.done:
             self._keep(sweep)
@@ -124,7 +123,8 @@ class _Drawer:
     def take(self, told: Seen | SurfaceMap) -> None:
         """A sweep, or the map of all of them."""
         if isinstance(told, Seen):
-            self._times_s.append(told.at_s)
+            self._first_s = min(self._first_s, told.at_s)
+            self._last_s, self._came = told.at_s, self._came + 1
             self._keep(told.sweep)
             return
         self._final = True
@@ -134,18 +134,9 @@ class _Drawer:
         self._scene.tell(self._status())
 
     def _keep(self, sweep: Sweep) -> None:
-        began_s = time.thread_time()
         self._map.take(sweep)
-        self._scene.add(sweep, self._joints_m(sweep))
+        self._scene.add(sweep)
         self._count += 1
-        self._drawing.spend(time.thread_time() - began_s)
-
-    def _joints_m(self, sweep: Sweep) -> FloatArray | None:
-        """Where the arm's joints are (L, 3); None without a model of this arm."""
-        if self._scan.link_poses is None or not sweep.joints_rad.size:
-            return None
-        places: FloatArray = self._scan.link_poses(sweep.joints_rad[None])[0, :, :3, 3]
-        return np.asarray(places, dtype=np.float64)
 
     def draw(self) -> None:
         """Bring the page up to now, if it is time again."""
@@ -169,14 +160,14 @@ class _Drawer:
         if self._final:
             words = f"<b>done</b>: {self._count} of {total} stops"
         else:
-            words = f"<b>stop {self._count} of {total}</b>{self._left(total)}"
-        return f'<div style="padding:0 0.9em">{words}<br>look only: nothing here moves the arm</div>'
+            words = f"<b>{self._count} of {total} stops</b>{self._left(total)}"
+        return f'<div style="padding:0 0.9em 0.5em 0.9em">{words}<br>look only: nothing here moves the arm</div>'
 
     def _left(self, total: int) -> str:
         """The time left, from the pace so far."""
-        if len(self._times_s) < 3:
+        if self._came < 3:
             return ""
-        left_s = (self._times_s[-1] - self._times_s[0]) / (len(self._times_s) - 1) * max(total - self._count, 0)
+        left_s = (self._last_s - self._first_s) / (self._came - 1) * max(total - self._count, 0)
         minutes, seconds = divmod(round(left_s), 60)
         return f", {minutes} min {seconds:02d} s left" if minutes else f", {seconds} s left"
 

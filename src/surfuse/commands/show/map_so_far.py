@@ -43,6 +43,7 @@ class MapSoFar:
     """
 
     scan: PlannedScan
+    _waiting: list[Sweep] = field(default_factory=list)
     _points: list[FusedPoints] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -51,11 +52,13 @@ class MapSoFar:
         self._grid = lattice(self.scan.plan.uv_m, self.scan.scene.world_from_part)
 
     def take(self, sweep: Sweep) -> None:
-        """One sweep more."""
-        self._points.append(self._method.step(self._state, sweep))
+        """One sweep more; the work is done when the map is wanted."""
+        self._waiting.append(sweep)
 
     def surface(self) -> SurfaceMap | None:
         """The map now; None before the first sweep."""
+        self._points += [self._method.step(self._state, sweep) for sweep in self._waiting]
+        self._waiting.clear()
         if not self._points:
             return None
         if len(self._points) > 64:
