@@ -128,13 +128,21 @@ def test_viewer_listens_on_the_loopback_address_only(run_content, capsys):
     assert capsys.readouterr().out == ""
 
 
-def test_viewer_names_the_real_port_when_the_asked_one_is_busy():
+def test_busy_port_is_said_and_no_other_one_is_taken():
     with socket.socket() as busy:
         busy.bind(("127.0.0.1", 0))
         busy.listen()
         asked = busy.getsockname()[1]
-        with opened(ReportContent(title="x"), asked) as address:
-            assert int(address.rsplit(":", 1)[1]) != asked
+        with pytest.raises(UsageError, match=f"{asked}.*in use"), opened(ReportContent(title="x"), asked):
+            pass
+
+
+def test_free_port_that_was_asked_for_is_taken():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        asked = free.getsockname()[1]
+    with opened(ReportContent(title="x"), asked) as address:
+        assert address == f"http://127.0.0.1:{asked}"
 
 
 def test_viewer_serves_until_told_to_stop(run_content):

@@ -46,6 +46,19 @@ def cell(folder: Path, address: str, sensors: str = f'[[sensor]]\nname = "us0"\n
     return path
 
 
+class Answering(SilentWatcher):
+    """Somebody at a terminal, with the answers to come."""
+
+    attended = True
+
+    def __init__(self, *answers):
+        self.asked, self._answers = [], list(answers)
+
+    def ask(self, question):
+        self.asked.append(question)
+        return self._answers.pop(0)
+
+
 class Notes(SilentWatcher):
     def __init__(self):
         self.notes = []
@@ -91,12 +104,12 @@ def test_nothing_moves_without_a_yes(served, rig, tmp_path):
     settings = load(cell(tmp_path, served.address))
     with pytest.raises(UsageError, match="--yes"):
         acquire(settings, tmp_path / "a", SilentWatcher())
-    asked = []
+    user = Answering("no", "y")
     with pytest.raises(InterruptError, match="has not moved"):
-        acquire(settings, tmp_path / "b", SilentWatcher(), ask=lambda text: asked.append(text) or "no\n")
-    assert "35 stops" in asked[0]
+        acquire(settings, tmp_path / "b", user)
+    assert "35 stops" in user.asked[0]
     assert rig.moves == 0
-    assert resume(tmp_path / "b", SilentWatcher(), ask=lambda text: "y\n").complete
+    assert resume(tmp_path / "b", user).complete
     assert_is_the_plane(tmp_path / "b")
 
 

@@ -40,6 +40,10 @@ TruthFrame = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout, nothing else there.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Agree to the first move of a real arm without being asked.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")]
+View = Annotated[bool, typer.Option("--view", help="Show the scan live on a page of this computer; look only.")]
+ViewPort = Annotated[
+    int, typer.Option("--view-port", help="Port of that page on 127.0.0.1; 0: any free one.", min=0, max=65535)
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace the output file if it exists.")]
 
 

@@ -121,9 +121,14 @@ class TerminalWatcher:
         """So many steps of a stage without a known end are done."""
         self._progress.update(self._task, description=name, completed=done, total=None)
 
+    @property
+    def attended(self) -> bool:
+        """Whether somebody sits at the terminal."""
+        return sys.stdin.isatty() and sys.stderr.isatty()
+
     def ask(self, question: str) -> str | None:
         """The answer of the user at the terminal; None when nobody is there."""
-        if not sys.stdin.isatty():
+        if not self.attended:
             return None
         self._progress.stop()
         print(f"{question}\n> ", end="", file=sys.stderr, flush=True)
@@ -142,19 +147,6 @@ class TerminalWatcher:
     def stop_requested(self) -> bool:
         """Whether the user asked for a stop at the next checkpoint."""
         return self._stop
-
-    def asker(self) -> Callable[[str], str] | None:
-        """What puts a question to the user; None where no terminal is there to answer."""
-        if not (sys.stdin.isatty() and sys.stderr.isatty()):
-            return None
-        return self._ask
-
-    def _ask(self, question: str) -> str:
-        self._progress.stop()
-        print(question, end="", file=sys.stderr, flush=True)
-        answer = sys.stdin.readline()
-        self._progress.start()
-        return answer
 
     def _line(self) -> str:
         task = self._progress.tasks[self._task]

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from surfuse.cli import _options as options
+
+if TYPE_CHECKING:
+    from surfuse.commands.outcome import Outcome, Watcher
+    from surfuse.commands.show.observer import ScanObserver
 
 HELP = """Find the part, outline it, plan, scan, fuse, report.
 
@@ -22,6 +26,7 @@ Examples:
     surfuse acquire relief --node udp    (against `surfuse node` in another terminal)
     surfuse acquire --cell rig.toml --dry-run    (a real rig: what would be scanned)
     surfuse acquire --cell rig.toml --out runs/part    (asks before the arm moves)
+    surfuse acquire relief --view    (open the printed address in a browser)
 """
 
 BUS_NAMES = {"udp": "udp_multicast"}
@@ -53,12 +58,14 @@ def acquire(
         bool, typer.Option("--dry-run", help="Show the stops and what cannot be reached; nothing moves.")
     ] = False,
     yes: options.Yes = False,
+    view: options.View = False,
+    view_port: options.ViewPort = 0,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
     """Run the main job."""
     from surfuse import settings
-    from surfuse.cli._progress import TerminalWatcher
+    from surfuse.cli._watching import watched_command
 
     texts = options.overrides(assignments, method, seed)
     if scene is not None:
@@ -69,13 +76,14 @@ def acquire(
     if smooth:
         texts.append('scan.mode="smooth"')
     configuration = settings.load(cell, texts)
-    with TerminalWatcher(quiet or as_json, checkpoints=not configuration.arm.is_real) as watcher:
+
+    def job(watcher: Watcher, observer: ScanObserver) -> Outcome:
         # The import takes seconds: it comes while the watcher shows that something goes on.
         from surfuse.commands.acquire import acquisition
         from surfuse.commands.acquire import dry_run as dry
 
         if dry_run:
-            outcome = dry.dry_run(configuration, out, watcher)
-        else:
-            outcome = acquisition.acquire(configuration, out, watcher, watcher.asker(), yes)
-    return options.show(outcome.summary, outcome.table, as_json, quiet, outcome.complete)
+            return dry.dry_run(configuration, out, watcher)
+        return acquisition.acquire(configuration, out, watcher, observer, yes)
+
+    return watched_command(job, as_json, quiet, view_port if view else None, not configuration.arm.is_real)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,23 @@ class SilentWatcher:
     def stop_requested(self) -> bool:
         """Never."""
         return False
+
+
+@runtime_checkable
+class Asker(Protocol):
+    """A watcher that can ask the user, as one at a terminal."""
+
+    @property
+    def attended(self) -> bool:
+        """Whether somebody is there to answer."""
+
+    def ask(self, question: str) -> str | None:
+        """The answer, without the end of its line; None when nobody is there."""
+
+
+def asked_by(watcher: Watcher) -> Asker | None:
+    """The watcher, if it can ask and somebody is there to answer."""
+    return watcher if isinstance(watcher, Asker) and watcher.attended else None
 
 
 def finite(value: object) -> object:

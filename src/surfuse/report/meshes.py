@@ -9,11 +9,13 @@ from surfuse.records import FloatArray, IntArray, SurfaceMap
 from surfuse.report.packing import stride_for, thinned
 
 
-def map_mesh(surface: SurfaceMap, most_nodes: int) -> tuple[FloatArray, IntArray, FloatArray]:
+def map_mesh(
+    surface: SurfaceMap, most_nodes: int, layer: FloatArray | None = None
+) -> tuple[FloatArray, IntArray, FloatArray]:
     """A map in the world frame: vertices (N, 3), triangles (F, 3), heights (N,); cells with a missing corner are holes.
 
-    The height of a vertex that only the prior gives is nan, so that its colour is that of no value. At most about
-    `most_nodes` nodes are used.
+    With a layer (R, C) its values come in place of the heights. The value of a vertex that only the prior gives is
+    nan, so that its colour is that of no value. At most about `most_nodes` nodes are used.
     """
     stride = stride_for(surface.height_m.size, most_nodes, 2)
     rows, columns = (thinned(n, stride) for n in surface.grid.shape)
@@ -28,7 +30,8 @@ def map_mesh(surface: SurfaceMap, most_nodes: int) -> tuple[FloatArray, IntArray
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     vertices = transform_points(surface.grid.world_from_part, np.stack([u, v, height], axis=-1)[known])
     held = surface.measured[np.ix_(rows, columns)]
-    return vertices, faces, np.where(held, height, np.nan)[known]
+    values = height if layer is None else layer[np.ix_(rows, columns)]
+    return vertices, faces, np.where(held, values, np.nan)[known]
 
 
 def both_windings(vertices_m: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:

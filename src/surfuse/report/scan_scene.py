@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import numpy as np
-import trimesh
 import viser
-import viser.transforms
 
-from surfuse.geometry.poses import inverse, transform_points
+from surfuse.geometry.poses import transform_points
 from surfuse.records import FloatArray, Gate, IntArray, Readings
-from surfuse.report.colours import colourise
 from surfuse.report.content import ReportContent
-from surfuse.report.meshes import both_windings, map_mesh, quaternion_to, rod
+from surfuse.report.map_layers import ColourRange, Layer, colour_range, coloured_mesh
+from surfuse.report.meshes import map_mesh
+from surfuse.report.moving_parts import (
+    KEPT_OUT,
+    SILENT,
+    USED,
+    ArmParts,
+    ArrayParts,
+    Moment,
+    link_lengths,
+)
+from surfuse.report.scale_bar import add_scale_bar
 from surfuse.report.scene_limits import SceneLimits
 
 FUSED = (230, 159, 0)
-# Colours per vertex are taken as linear light by the player: these show as the green and the red of the legend.
-USED, KEPT_OUT = (0, 90, 45), (171, 28, 0)
-STEEL, TRUTH, LINE = (120, 130, 142), (110, 150, 200), (11, 110, 110)
-ARM_RADIUS_M = 0.035
-# A beam without an echo is drawn this long.
-SILENT_M = 0.15
+TRUTH, LINE = (110, 150, 200), (11, 110, 110)
 # Fused points are sent in this many clouds: one that grows would be sent again and again.
 CLOUDS = 40
 
@@ -59,19 +62,19 @@ class ScanScene:
 
     def __init__(self, server: viser.ViserServer, content: ReportContent, limits: SceneLimits) -> None:
         self.content = content
-        self.scene = server.scene
+        self.scene, self._limits = server.scene, limits
         self.surfaces: dict[str, viser.SceneNodeHandle] = {}
         readings = content.readings
         sweeps = readings.n_sweeps if readings else 0
         self.moments = np.unique(np.linspace(0, max(sweeps - 1, 0), min(sweeps, limits.frames_max)).astype(np.int64))
         _aim_camera(server, content)
         self._add_cell()
-        self._add_surfaces(limits)
+        self._add_surfaces()
         self._clouds: list[viser.PointCloudHandle] = []
         self._filled: list[int] = []
         if readings is not None and sweeps:
             self._add_array(readings)
-            self._add_arm()
+            self._arm = ArmParts(server.scene, link_lengths(content.arm_m)) if len(content.arm_m) else None
             self._add_clouds()
 
     def _add_cell(self) -> None:
@@ -87,21 +90,9 @@ class ScanScene:
         sides = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
         self.scene.add_line_segments("/outline", sides, LINE, thickness=2.5, thickness_units="screen")
 
-    def _add_surfaces(self, limits: SceneLimits) -> None:
-        content = self.content
-        heights = [named.surface.height_m[named.surface.mask] for named in content.maps]
-        joined = np.concatenate(heights) if heights else np.zeros(0)
-        low, high = np.percentile(joined, [0.5, 99.5]) if joined.size else (0.0, 1.0)
-        for k, named in enumerate(content.maps[: limits.surfaces_max]):
-            vertices, faces, height = map_mesh(named.surface, limits.nodes_max)
-            if not len(faces):
-                continue
-            # The GLB path carries vertex colours but draws front sides only.
-            twice, both = both_windings(vertices, faces)
-            colours = colourise(np.tile(height, 2), float(low), max(float(high), float(low) + 1e-3))
-            mesh = trimesh.Trimesh(twice, both, vertex_colors=colours, process=False)
-            path = f"/surfaces/{k + 1} {_node_name(named.label)}"
-            self.surfaces[named.label] = self.scene.add_mesh_trimesh(path, mesh, visible=k == 0)
+    def _add_surfaces(self) -> None:
+        content, limits = self.content, self._limits
+        self.colour_by("height")
         if content.truth is not None:
             vertices, faces, _ = map_mesh(content.truth.surface, limits.nodes_max)
             path = f"/surfaces/{_node_name(content.truth.label)}"
@@ -110,48 +101,45 @@ class ScanScene:
                     path, vertices, faces, color=TRUTH, opacity=0.6, side="double", flat_shading=True, visible=False
                 )
 
+    def colour_by(self, layer: Layer) -> ColourRange | None:
+        """Colour all maps by a layer, in one range; None where there is no map."""
+        maps = self.content.maps[: self._limits.surfaces_max]
+        if not maps:
+            return None
+        shown = colour_range([named.surface for named in self.content.maps], layer)
+        for k, named in enumerate(maps):
+            before = self.surfaces.get(named.label)
+            mesh = coloured_mesh(named.surface, self._limits.nodes_max, shown)
+            if mesh is not None:
+                path = f"/surfaces/{k + 1} {_node_name(named.label)}"
+                visible = k == 0 if before is None else before.visible
+                self.surfaces[named.label] = self.scene.add_mesh_trimesh(path, mesh, visible=visible)
+        return shown
+
     def _add_array(self, readings: Readings) -> None:
-        self._array = self.scene.add_frame("/array", show_axes=False)
-        grip_from_world = inverse(readings.world_from_grip)
-        centres = []
+        self._array = ArrayParts(self.scene, max(int(np.diff(readings.start).max(initial=1)), 1))
         for sensor in range(len(readings.specs)):
             rows = np.flatnonzero(readings.sensor == sensor)
-            if not len(rows):
-                continue
-            sweep = int(np.searchsorted(readings.start, rows[0], side="right")) - 1
-            centre = transform_points(grip_from_world[sweep], readings.position_m[rows[0]])
-            centres.append(centre)
-            axis = grip_from_world[sweep, :3, :3] @ readings.axis[rows[0]]
-            body, faces = rod(0.03, 0.018)
-            self.scene.add_mesh_simple(
-                f"/array/sensor {sensor + 1}",
-                body,
-                faces,
-                color=(45, 52, 60),
-                wxyz=quaternion_to(axis),
-                position=centre - 0.03 * axis,
-                side="double",
-            )
-        spokes = np.stack([np.zeros((len(centres), 3)), np.array(centres).reshape(-1, 3)], axis=1)
-        self.scene.add_line_segments("/array/mount", spokes, STEEL, thickness=0.008)
-        most = int(np.diff(readings.start).max(initial=1))
-        self._slots = max(most, 1)
-        empty = np.zeros((self._slots, 2, 3))
-        self._beams = self.scene.add_line_segments("/beams", empty, np.zeros_like(empty), thickness=0.004)
+            if len(rows):
+                sweep = int(np.searchsorted(readings.start, rows[0], side="right")) - 1
+                self._array.mount(readings.sensor[rows[:1]], self._moment(readings, sweep, rows[:1]))
 
-    def _add_arm(self) -> None:
-        self._links: list[tuple[int, viser.MeshHandle]] = []
-        arm = self.content.arm_m
-        if not len(arm):
-            return
-        self._lengths = np.median(np.linalg.norm(np.diff(arm, axis=1), axis=2), axis=0)
-        for k, length in enumerate(self._lengths):
-            if length > 0.005:
-                thick = ARM_RADIUS_M * (1.0 - 0.5 * k / max(len(self._lengths) - 1, 1))
-                vertices, faces = rod(float(length), thick)
-                self._links.append(
-                    (k, self.scene.add_mesh_simple(f"/arm/link {k + 1}", vertices, faces, color=STEEL, side="double"))
-                )
+    def _moment(self, readings: Readings, sweep: int, rows: IntArray) -> Moment:
+        heard = np.isfinite(readings.range_m[rows])
+        points, used = self.content.points, heard
+        if points is not None and len(points.gate) == len(readings.range_m):
+            used = heard & (points.gate[rows] == Gate.PASSED)
+        silent = np.isposinf(readings.range_m[rows])
+        colours = np.where(
+            used[:, None], np.array(USED), np.where(silent[:, None], np.array(SILENT), np.array(KEPT_OUT))
+        )
+        return Moment(
+            readings.world_from_grip[sweep],
+            readings.position_m[rows],
+            readings.axis[rows],
+            readings.range_m[rows],
+            colours.astype(np.uint8),
+        )
 
     def _add_clouds(self) -> None:
         points, maps = self.content.points, self.content.maps
@@ -179,37 +167,11 @@ class ScanScene:
         readings = self.content.readings
         if readings is None or not readings.n_sweeps:
             return
-        pose = readings.world_from_grip[sweep]
-        self._array.wxyz = viser.transforms.SO3.from_matrix(pose[:3, :3]).wxyz
-        self._array.position = pose[:3, 3]
-        self._show_beams(readings, sweep)
-        for k, handle in self._links:
-            foot, head = self.content.arm_m[sweep, k : k + 2]
-            length = max(float(np.linalg.norm(head - foot)), 1e-9)
-            handle.position = foot
-            handle.wxyz = quaternion_to((head - foot) / length)
-            # A link that slides or that only stands for several joints changes its length.
-            if abs(length - self._lengths[k]) > 1e-3:
-                handle.scale = (1.0, 1.0, length / self._lengths[k])
-        self._show_points(sweep)
-
-    def _show_beams(self, readings: Readings, sweep: int) -> None:
         rows = np.arange(readings.start[sweep], readings.start[sweep + 1])
-        ends = np.zeros((self._slots, 2, 3))
-        colours = np.full((self._slots, 2, 3), 150, dtype=np.uint8)
-        reach = readings.range_m[rows]
-        reach = np.where(np.isfinite(reach), reach, SILENT_M)
-        ends[: len(rows), 0] = readings.position_m[rows]
-        ends[: len(rows), 1] = readings.position_m[rows] + reach[:, None] * readings.axis[rows]
-        # Unused slots shrink to a point of the array, where nobody sees them.
-        ends[len(rows) :] = readings.world_from_grip[sweep, :3, 3]
-        used = np.isfinite(readings.range_m[rows])
-        points = self.content.points
-        if points is not None and len(points.gate) == len(readings.range_m):
-            used &= points.gate[rows] == Gate.PASSED
-        colours[: len(rows)] = np.where(used[:, None, None], np.array(USED), np.array(KEPT_OUT))
-        self._beams.points = ends.astype(np.float32)
-        self._beams.colors = colours
+        self._array.show(self._moment(readings, sweep, rows))
+        if self._arm is not None:
+            self._arm.show(self.content.arm_m[sweep])
+        self._show_points(sweep)
 
     def _show_points(self, sweep: int) -> None:
         for k, cloud in enumerate(self._clouds):
@@ -220,6 +182,14 @@ class ScanScene:
             if seen:
                 cloud.points = self._world_points[self._cloud_stops[k][:seen]].astype(np.float32)
             cloud.visible = seen > 0
+
+
+def add_scale_of(scene: viser.SceneApi, content: ReportContent) -> None:
+    """A scale beside the first map; none where there is no map."""
+    for named in content.maps[:1]:
+        grid = named.surface.grid
+        low, high = (np.array([end(grid.u_m), end(grid.v_m)]) for end in (np.min, np.max))
+        add_scale_bar(scene, grid.world_from_part, low, high)
 
 
 def _node_name(label: str) -> str:

@@ -8,59 +8,66 @@ from contextlib import contextmanager
 
 import viser
 
-from surfuse.errors import UsageError
 from surfuse.report.content import ReportContent
-from surfuse.report.quiet_viewer import LOOPBACK, loopback_server
-from surfuse.report.scan_scene import ScanScene
+from surfuse.report.map_layers import LAYERS, legend_html
+from surfuse.report.page_guard import LOOPBACK
+from surfuse.report.playback import Playback, ticking
+from surfuse.report.quiet_viewer import loopback_server
+from surfuse.report.scan_scene import ScanScene, add_scale_of
 from surfuse.report.scene_limits import SceneLimits
 
 LIVE_LIMITS = SceneLimits(nodes_max=40000, surfaces_max=12, frames_max=100000)
 
 
 def _add_surface_boxes(server: viser.ViserServer, scan: ScanScene) -> None:
-    def box(label: str, handle: viser.SceneNodeHandle) -> None:
-        check = server.gui.add_checkbox(label, initial_value=handle.visible)
+    def box(label: str) -> None:
+        check = server.gui.add_checkbox(label, initial_value=scan.surfaces[label].visible)
 
         @check.on_update
         def _(_: object) -> None:
-            handle.visible = check.value
+            # A map in other colours is another node.
+            scan.surfaces[label].visible = check.value
 
     with server.gui.add_folder("Surfaces"):
-        for label, handle in scan.surfaces.items():
-            box(label, handle)
+        for label in scan.surfaces:
+            box(label)
 
 
-def _add_stop_slider(server: viser.ViserServer, scan: ScanScene) -> None:
-    last = int(scan.moments[-1])
+def _add_layer_choice(server: viser.ViserServer, scan: ScanScene, beams: bool) -> None:
+    """What the colours stand for, and the choice of it."""
+    choice = server.gui.add_dropdown("Map", LAYERS, initial_value=LAYERS[0])
+    legend = server.gui.add_html(legend_html(scan.colour_by(LAYERS[0]), beams))
     turn = threading.Lock()
-    with server.gui.add_folder("Scan"):
-        slider = server.gui.add_slider("Stop", min=0, max=max(last, 1), step=1, initial_value=last)
 
-    @slider.on_update
+    @choice.on_update
     def _(_: object) -> None:
-        # Callbacks run on several threads; the scene remembers what it shows.
         with turn:
-            scan.show(min(int(slider.value), last))
+            legend.content = legend_html(scan.colour_by(choice.value), beams)
 
 
 @contextmanager
 def opened(content: ReportContent, port: int = 8080) -> Iterator[str]:
-    """Open the viewer on the loopback address; yields its real address, which has another port when `port` is busy.
+    """Open the viewer on the loopback address; yields its address.
 
     Raises
     ------
-    UsageError : the port is not in 0..65535.
+    UsageError : the port cannot be had.
     """
-    if not 0 <= port <= 65535:
-        raise UsageError(f"port {port} does not exist", cure="give 0 to 65535; 0 takes any free one")
     with loopback_server(port, content.title[:60]) as server:
         scan = ScanScene(server, content, LIVE_LIMITS)
+        if content.maps or len(scan.moments):
+            _add_layer_choice(server, scan, beams=len(scan.moments) > 0)
         if scan.surfaces:
             _add_surface_boxes(server, scan)
-        if len(scan.moments):
-            scan.show(int(scan.moments[-1]))
-            _add_stop_slider(server, scan)
-        yield f"http://{LOOPBACK}:{server.get_port()}"
+        add_scale_of(server.scene, content)
+        address = f"http://{LOOPBACK}:{server.get_port()}"
+        if not len(scan.moments):
+            yield address
+            return
+        last = int(scan.moments[-1])
+        scan.show(last)
+        with ticking(Playback(server.gui, scan.show, last)):
+            yield address
 
 
 def serve(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -21,6 +21,7 @@ from surfuse.commands.acquire.walking import walk
 from surfuse.commands.acquire.warm_up import wait_for, warm_up_beside
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, Watcher
+from surfuse.commands.show.observer import UNOBSERVED, ScanObserver
 from surfuse.errors import ConfigError, DataError, DeviceError, InterruptError, SafetyStopError, StorageError
 from surfuse.records import FusionScene, ScanPlan, Sweep
 from surfuse.rig.area import area_of, outline_of
@@ -36,18 +37,22 @@ from surfuse.settings import Settings, from_tree
 
 
 def acquire(
-    settings: Settings, out: Path | None, watcher: Watcher, ask: Callable[[str], str] | None = None, yes: bool = False
+    settings: Settings,
+    out: Path | None,
+    watcher: Watcher,
+    observer: ScanObserver = UNOBSERVED,
+    yes: bool = False,
 ) -> Outcome:
-    """Acquire the surface of the part in the cell into a new run folder.
+    """Acquire the surface of the part in the cell into a new run folder; the observer looks on.
 
-    `ask` and `yes` are about the first move of a real arm, see `consent.agreed`.
+    `yes` agrees to the first move of a real arm; else the watcher is asked, see `consent.agreed`.
 
     Raises
     ------
     SurfuseError : with the exit status of its kind; whatever was scanned before is on disk.
     """
     began = time.perf_counter()
-    refuse_unasked(settings, ask, yes)
+    refuse_unasked(settings, watcher, yes)
     settings = _from_anywhere(settings)
     finder(settings)  # an unknown threshold is refused before anything is written
     watcher.stage("start")
@@ -58,13 +63,13 @@ def acquire(
         run = RunFolder.create(out or default_folder(settings.scene.name))
         with run.lock(), _resumable(run):
             write_configuration(run.configuration, settings.model_dump(exclude={"seed"}), settings.seed)
-            return outcome_of(_acquire(run, Job(settings, rig, method, watcher, ask, yes), warm_up), run, began)
+            return outcome_of(_acquire(run, Job(settings, rig, method, watcher, observer, yes), warm_up), run, began)
 
 
-def resume(path: Path, watcher: Watcher, ask: Callable[[str], str] | None = None, yes: bool = False) -> Outcome:
+def resume(path: Path, watcher: Watcher, observer: ScanObserver = UNOBSERVED, yes: bool = False) -> Outcome:
     """Go on with an interrupted acquisition; the map is the one that the uninterrupted run would have given.
 
-    `ask` and `yes` as in `acquire`. A run that is complete already is left as it is.
+    `yes` as in `acquire`. A run that is complete already is left as it is.
 
     Raises
     ------
@@ -83,13 +88,13 @@ def resume(path: Path, watcher: Watcher, ask: Callable[[str], str] | None = None
     settings = from_tree({**tables, "seed": seed}, str(run.configuration))
     if all(file.is_file() for file in (run.surface, run.summary, run.report)):
         return _complete(run)
-    refuse_unasked(settings, ask, yes)
+    refuse_unasked(settings, watcher, yes)
     watcher.stage("start")
     method = create_method(settings.fusion)
     with warm_up_beside(method.name) as warm_up:
         rig = assembled(settings)
         with run.lock(), _resumable(run):
-            return outcome_of(_acquire(run, Job(settings, rig, method, watcher, ask, yes), warm_up), run, began)
+            return outcome_of(_acquire(run, Job(settings, rig, method, watcher, observer, yes), warm_up), run, began)
 
 
 def _complete(run: RunFolder) -> Outcome:

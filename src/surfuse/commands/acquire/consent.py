@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from surfuse.commands.acquire.job import Job
+from surfuse.commands.outcome import Watcher, asked_by
 from surfuse.errors import InterruptError, UsageError
 from surfuse.records import ScanPlan
 from surfuse.settings import Settings
-
-Ask = Callable[[str], str] | None
-"""Puts a question to the user and returns the answer; None: nobody can be asked."""
 
 YES = ("y", "yes")
 FIRST_MOVES_SHARE = 0.2
 """Share of the arm's speed on the way to the first stop."""
 
 
-def refuse_unasked(settings: Settings, job_ask: Ask, yes: bool) -> None:
+def refuse_unasked(settings: Settings, watcher: Watcher, yes: bool) -> None:
     """Refuse at once what nobody could agree to later.
 
     Raises
     ------
     UsageError : a real arm, nobody to ask, and no agreement on the command line.
     """
-    if settings.arm.is_real and job_ask is None and not yes:
+    if settings.arm.is_real and asked_by(watcher) is None and not yes:
         raise UsageError("a real arm would move, and no terminal is there to ask", cure="add --yes")
 
 
@@ -39,11 +35,16 @@ def agreed(job: Job, plan: ScanPlan, first: int) -> None:
     if job.rig.simulated or job.yes or first >= len(plan):
         return
     place = ", ".join(f"{x:.3f}" for x in plan.world_from_grip[first, :3, 3])
-    if job.ask is None:
-        raise UsageError("a real arm is about to move, and no terminal is there to ask", cure="add --yes")
-    answer = job.ask(
-        f"The arm will move to ({place}) m and visit {len(plan) - first} stops. surfuse has no safety function. "
-        "Is the way free? [y/N] "
+    asker = asked_by(job.watcher)
+    answer = (
+        None
+        if asker is None
+        else asker.ask(
+            f"The arm will move to ({place}) m and visit {len(plan) - first} stops. surfuse has no safety function. "
+            "Is the way free? [y/N]"
+        )
     )
+    if answer is None:
+        raise UsageError("a real arm is about to move, and no terminal is there to ask", cure="add --yes")
     if answer.strip().lower() not in YES:
         raise InterruptError("not agreed to; the arm has not moved")

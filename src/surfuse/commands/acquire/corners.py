@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from surfuse.commands.acquire.job import Job
-from surfuse.commands.outcome import Watcher
+from surfuse.commands.outcome import Asker, Watcher, asked_by
 from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.records import Echo, Fixture, FloatArray, Status
@@ -24,14 +23,6 @@ DONE, UNDO = "done", "undo"
 _SWEEPS = 5  # the corner is where their median range ends
 
 
-@runtime_checkable
-class Asker(Protocol):
-    """Somebody who can be asked, as the watcher of a terminal."""
-
-    def ask(self, question: str) -> str | None:
-        """The answer, without the end of its line; None when nobody is there."""
-
-
 def with_corners(settings: Settings, rig: Rig, watcher: Watcher) -> Settings:
     """The settings with the corners that the user shows, if the area wants them; else the same object.
 
@@ -44,9 +35,10 @@ def with_corners(settings: Settings, rig: Rig, watcher: Watcher) -> Settings:
     area = settings.area
     if area is None or not area.jog or area.corners_m is not None:
         return settings
-    if not isinstance(watcher, Asker):
+    asker = asked_by(watcher)
+    if asker is None:
         raise nobody_asked()
-    return settings.model_copy(update={"area": shown_corners(area, rig, watcher)})
+    return settings.model_copy(update={"area": shown_corners(area, rig, asker)})
 
 
 def job_with_corners(run: RunFolder, job: Job) -> Job:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from surfuse.commands.outcome import Watcher
+from surfuse.commands.show.observer import UNOBSERVED, ScanObserver
 from surfuse.interfaces import FusionMethod
 from surfuse.rig.devices import Rig
 from surfuse.settings import Settings
@@ -13,14 +13,14 @@ from surfuse.settings import Settings
 
 @dataclass(frozen=True)
 class Job:
-    """The configuration, the rig that it describes, the fusion method, and who is told about progress.
+    """The configuration, the rig that it describes, the fusion method, who is told about progress, and who looks on.
 
-    `ask` puts a question to the user (None: nobody can be asked); `yes` agrees to the first move of a real arm.
+    The user has agreed to the first move of a real arm with `yes`; else the watcher is asked.
     """
 
     settings: Settings
     rig: Rig
     method: FusionMethod
     watcher: Watcher
-    ask: Callable[[str], str] | None = None
+    observer: ScanObserver = UNOBSERVED
     yes: bool = False

@@ -83,6 +83,7 @@ def finish(run: RunFolder, job: Job, scanned: Scanned) -> Finished:
     result = job.method.finish(scanned.state, grid)
     surface = surface_of(result, grid, job.method.name, scanned.scene.outline)
     nc.write(run.surface, surface, overwrite=True, points=result.points)
+    job.observer.finished(surface)
     few = few_echoes(statuses(sweeps))
     doubted = doubts(job.settings, job.rig.specs, plan)
     data["warnings"] = [*job.rig.warnings, *doubted, *([] if few is None else [few])]

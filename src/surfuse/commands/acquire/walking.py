@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from surfuse.acquisition.scan import WalkHooks, scan
 from surfuse.acquisition.smooth import PassHooks, SmoothParameters, SmoothPass, smooth_scan
 from surfuse.commands.acquire.consent import FIRST_MOVES_SHARE
 from surfuse.commands.acquire.job import Job
 from surfuse.commands.acquire.planning import obstacles
+from surfuse.commands.acquire.warm_up import compiled_before
+from surfuse.commands.fuse.methods import create_method
+from surfuse.commands.show.observer import PlannedScan
 from surfuse.errors import ConfigError, UnreachableError
 from surfuse.geometry.poses import inverse
 from surfuse.plan.approach import approach
@@ -137,6 +141,7 @@ def walk(job: Job, plan: ScanPlan, scene: FusionScene, done: tuple[Sweep, ...], 
     walked = Walked(job.method.start(scene), {sweep.stop: sweep for sweep in done})
     job.watcher.stage("scan", len(plan))
     job.watcher.advance(len(walked.sweeps))
+    job.observer.planned(_as_planned(job, plan, scene, done))
 
     def fuse_on() -> None:
         while walked.fused in walked.sweeps or walked.fused in walked.unreachable:
@@ -149,6 +154,7 @@ def walk(job: Job, plan: ScanPlan, scene: FusionScene, done: tuple[Sweep, ...], 
         walked.sweeps[sweep.stop] = sweep
         job.watcher.advance()
         fuse_on()
+        job.observer.swept(sweep)
 
     def leave_out(stop: int, error: UnreachableError) -> None:
         text = f"stop {stop} is left out: {error.what}"
@@ -162,6 +168,18 @@ def walk(job: Job, plan: ScanPlan, scene: FusionScene, done: tuple[Sweep, ...], 
         if stop >= walked.fused:
             job.method.step(walked.state, walked.sweeps[stop])
     return walked
+
+
+def _as_planned(job: Job, plan: ScanPlan, scene: FusionScene, done: tuple[Sweep, ...]) -> PlannedScan:
+    link_poses = None if job.rig.motion is None else job.rig.motion.link_poses
+    return PlannedScan(
+        scene,
+        plan,
+        done,
+        partial(create_method, job.settings.fusion, job.method.name),
+        partial(compiled_before, job.method.name),
+        link_poses,
+    )
 
 
 def _visit_all(

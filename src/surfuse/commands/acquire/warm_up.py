@@ -26,6 +26,7 @@ from surfuse.commands.outcome import Watcher
 from surfuse.geometry.kernel_folder import PACKAGE, kernel_folder
 from surfuse.geometry.kernel_sources import sources_key
 from surfuse.geometry.poses import pose
+from surfuse.interfaces import LiveMapping
 from surfuse.records import FusionScene, MapGrid, Outline, Readings, SensorSpec, Status
 from surfuse.settings import FusionSettings
 from surfuse.vision.dominant_points import dominant_points
@@ -80,6 +81,12 @@ def wait_for(process: subprocess.Popen[bytes] | None, watcher: Watcher) -> None:
         watcher.stage(STAGE)
         while process.poll() is None and not watcher.stop_requested():
             time.sleep(0.05)
+
+
+def compiled_before(method: str) -> bool:
+    """Whether all that a method needs, its preview too, lies compiled on disk."""
+    stamp = _stamp(method)
+    return stamp is not None and stamp.is_file()
 
 
 def compile_last(method: str) -> None:
@@ -141,6 +148,9 @@ def compile_fusion(name: str) -> None:
     scene, readings, grid = small_scan()
     method = create_method(FusionSettings(), name)
     state = method.start(scene)
-    method.step(state, readings.sweep(0))
+    for sweep in range(2 * _STOPS):
+        method.step(state, readings.sweep(sweep))
+    if isinstance(method, LiveMapping):
+        method.preview(state, grid)
     method.replay(scene, readings, grid)
     create_method(FusionSettings(), "weighted_average").replay(scene, readings, grid)

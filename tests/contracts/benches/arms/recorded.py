@@ -10,7 +10,6 @@ from surfuse.arms.recorded import Parameters, Surroundings
 from surfuse.records import JointState
 
 
-
 @contextmanager
 def bench(folder):
     target = READY_RAD + 0.1

@@ -26,8 +26,6 @@ class ShakyWorld:
         raise NotImplementedError
 
 
-
-
 @contextmanager
 def bench(folder):
     around = Surroundings(

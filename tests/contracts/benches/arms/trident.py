@@ -12,7 +12,6 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "arms"))
 from trident_bench import TARGET, Bench
 
 
-
 @contextmanager
 def bench(folder):
     made = Bench(parameters=Parameters(rest_s=0.01))

@@ -21,7 +21,6 @@ ADDRESS = f"127.74.{os.getpid() // 250 % 250 + 1}.{os.getpid() % 250 + 1}"
 LIMITS = JointLimits(np.full(6, -6.2), np.full(6, 6.2), np.full(6, 3.0), np.full(6, 10.0))
 
 
-
 @contextmanager
 def bench(folder):
     pytest.importorskip("rtde_receive")

@@ -1,0 +1,85 @@
+"""The map of a scan that still runs, made beside it from the sweeps that came so far."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from surfuse.commands.show.observer import PlannedScan
+from surfuse.interfaces import LiveMapping
+from surfuse.records import FusedPoints, SurfaceMap, Sweep, stacked_points
+from surfuse.surface.gridding import grid_points, lattice
+
+
+@dataclass
+class WorkShare:
+    """A share of the time: work may begin while what was spent before is within it."""
+
+    share: float
+    clock_s: Callable[[], float] = time.monotonic
+    spent_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._began_s = self.clock_s()
+
+    def allows(self) -> bool:
+        """Whether more work may begin now."""
+        return self.spent_s <= self.share * (self.clock_s() - self._began_s)
+
+    def spend(self, work_s: float) -> None:
+        """So much processor time was worked."""
+        self.spent_s += work_s
+
+
+@dataclass
+class MapSoFar:
+    """Fusion beside the fusion of the scan, with a state of its own.
+
+    A method that can show its map does so when it may, around all sweeps since it was last asked; the
+    cells that it does not know yet have the fused points of their stops, as all cells have with any other method.
+    """
+
+    scan: PlannedScan
+    _waiting: list[Sweep] = field(default_factory=list)
+    _points: list[FusedPoints] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._method = self.scan.fresh_method()
+        self._state = self._method.start(self.scan.scene)
+        self._grid = lattice(self.scan.plan.uv_m, self.scan.scene.world_from_part)
+
+    def take(self, sweep: Sweep) -> None:
+        """One sweep more; the work is done when the map is wanted."""
+        self._waiting.append(sweep)
+
+    def surface(self) -> SurfaceMap | None:
+        """The map now; None before the first sweep."""
+        self._points += [self._method.step(self._state, sweep) for sweep in self._waiting]
+        self._waiting.clear()
+        if not self._points:
+            return None
+        if len(self._points) > 64:
+            self._points = [stacked_points(self._points)]
+        plain = grid_points(stacked_points(self._points), self._grid, self._method.name, self.scan.scene.outline)
+        if not isinstance(self._method, LiveMapping) or not self.scan.may_preview():
+            return plain
+        return filled(self._method.preview(self._state, self._grid), plain)
+
+
+def filled(first: SurfaceMap, second: SurfaceMap) -> SurfaceMap:
+    """The first map, and where it has no value the second one, on the same grid."""
+    take = first.mask | ~second.mask
+    return replace(
+        first,
+        height_m=np.where(take, first.height_m, second.height_m),
+        sigma_m=np.where(take, first.sigma_m, second.sigma_m),
+        confidence=np.where(take, first.confidence, second.confidence),
+        count=np.where(take, first.count, second.count),
+        mask=first.mask | second.mask,
+        regime=np.where(take, first.regime, second.regime),
+        alternative_height_m=None,
+        alternative_weight=None,
+    )
