@@ -15,7 +15,7 @@ from surfuse.arm_models.puma560 import FLANGE_OFFSET_M, LIMITS, Puma560
 from surfuse.geometry.poses import pose
 from surfuse.records import FloatArray
 from surfuse.rig.simulated.assembly import SimulatedClock
-from surfuse.rig.simulated.servo_arm import Unknown, build_servo_arm
+from surfuse.rig.simulated.servo_arm import ServoDesign, Unknown, build_servo_arm
 
 KINEMATICS = Puma560(np.eye(4), pose(np.eye(3), [0.0, 0.0, 0.08 - FLANGE_OFFSET_M]))
 TOOL_SPEED_M_S = 1.0
@@ -28,7 +28,7 @@ def stopped(seed: int, powered: bool, load_kg: float) -> tuple[FloatArray, float
     start = middle + half * rng.uniform(-1.0, 1.0, 6)
     clock = SimulatedClock()
     load = Unknown(load_kg=load_kg)
-    parts = build_servo_arm(KINEMATICS, clock, rng, unknown=load, start_rad=start, calibrated_at_start=False)
+    parts = build_servo_arm(KINEMATICS, clock, rng, ServoDesign(unknown=load, calibrated_at_start=False), start)
     with parts.arm:
         # At the corners of the speed limits the arm has most energy.
         speed = LIMITS.velocity_rad_s * np.where(rng.random(6) < 0.5, -1.0, 1.0) * rng.uniform(0.5, 1.0, 6)

@@ -18,7 +18,7 @@ from surfuse.commands.servo.servo_study import LAWS
 from surfuse.geometry.poses import pose
 from surfuse.motion.planners import trapezoidal
 from surfuse.rig.simulated.assembly import SimulatedClock
-from surfuse.rig.simulated.servo_arm import Unknown, build_servo_arm, known_model, true_dynamics
+from surfuse.rig.simulated.servo_arm import ServoDesign, Unknown, build_servo_arm, known_model, true_dynamics
 from surfuse.twin.dynamics.plant import ArmPlant
 
 KINEMATICS = Puma560(np.eye(4), pose(np.eye(3), [0.0, 0.0, 0.08 - FLANGE_OFFSET_M]))
@@ -47,7 +47,10 @@ def best_s(call: Callable[[], object], runs: int = 5) -> float:
 def servo(law: str) -> float:
     """Simulated seconds per second of a move through cards, law and plant."""
     parts = build_servo_arm(
-        KINEMATICS, SimulatedClock(), np.random.default_rng(0), law, trapezoidal(LIMITS), calibrated_at_start=False
+        KINEMATICS,
+        SimulatedClock(),
+        np.random.default_rng(0),
+        ServoDesign(law, trapezoidal(LIMITS), calibrated_at_start=False),
     )
     with parts.arm as arm:
         there = parts.law.commands(trapezoidal(LIMITS)(READY_RAD, TARGET))

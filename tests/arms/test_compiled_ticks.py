@@ -11,7 +11,7 @@ from surfuse.arms import trident
 from surfuse.errors import SafetyStopError
 from surfuse.geometry.poses import pose
 from surfuse.rig.simulated.assembly import SimulatedClock
-from surfuse.rig.simulated.servo_arm import ServoArm, Unknown, build_servo_arm
+from surfuse.rig.simulated.servo_arm import ServoArm, ServoDesign, Unknown, build_servo_arm
 
 KINEMATICS = Puma560(np.eye(4), pose(np.eye(3), [0.0, 0.0, 0.08 - FLANGE_OFFSET_M]))
 TURNS = ([8.0, -4.0, 3.0, 5.0, -3.0, 10.0], [7.5, -4.0, 3.0, 5.0, -3.0, 9.0])
@@ -25,9 +25,7 @@ def both(**how: object) -> list[ServoArm]:
             KINEMATICS,
             SimulatedClock(),
             np.random.default_rng(3),
-            parameters=trident.Parameters(rest_s=0.02),
-            compiled_loop=compiled,
-            **how,  # type: ignore[arg-type]
+            ServoDesign(parameters=trident.Parameters(rest_s=0.02), compiled_loop=compiled, **how),  # type: ignore[arg-type]
         )
         for compiled in (True, False)
     ]

@@ -14,7 +14,7 @@ from surfuse.arm_models.puma560 import LIMITS, READY_RAD
 from surfuse.errors import DataError, SafetyStopError
 from surfuse.motion.trapezoid import TrapezoidalMove
 from surfuse.records import ByteArray, CameraModel, FloatArray, SensorSpec
-from surfuse.rig.simulated.servo_arm import ServoTwinArm, build_servo_arm
+from surfuse.rig.simulated.servo_arm import ServoDesign, ServoTwinArm, build_servo_arm
 from surfuse.servo_cards.scales import CardScales
 
 MOVE = TrapezoidalMove(READY_RAD, TARGET, LIMITS)
@@ -41,7 +41,7 @@ class StillWorld:
 
 def twin() -> tuple[ServoTwinArm, Clock]:
     clock = Clock()
-    parts = build_servo_arm(KINEMATICS, clock, np.random.default_rng(2), calibrated_at_start=False)
+    parts = build_servo_arm(KINEMATICS, clock, np.random.default_rng(2), ServoDesign(calibrated_at_start=False))
     return ServoTwinArm(parts, StillWorld()), clock
 
 

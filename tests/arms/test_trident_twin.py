@@ -41,7 +41,7 @@ class ShakyWorld:
 
 
 def twin_arm() -> ServoTwinArm:
-    parts = build_servo_arm(KINEMATICS, Clock(), np.random.default_rng(2), calibrated_at_start=True)
+    parts = build_servo_arm(KINEMATICS, Clock(), np.random.default_rng(2))
     return ServoTwinArm(parts, ShakyWorld())
 
 

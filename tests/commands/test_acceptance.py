@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from surfuse.commands.rangers import acceptance
-from surfuse.commands.rangers.acceptance import accept, judge, measured_model, metres
+from surfuse.commands.rangers.acceptance import TrialSource, accept, judge, measured_model, metres
 from surfuse.commands.rangers.acceptance_checks import AcceptanceLimits
 from surfuse.commands.rangers.acceptance_trials import Trials, twin_trials
 from surfuse.commands.rangers.sensor_sheet import NAMED
@@ -93,7 +93,7 @@ def test_the_model_corrects_the_ranges_of_the_next_log(tmp_path):
     rows[1:] = [[*row[:-1], str(0.004 + 1.02 * float(row[-1]))] for row in rows[1:]]
     log.write_text("\n".join(",".join(row) for row in rows) + "\n")
     sheet, model = tmp_path / "sensors.toml", tmp_path / "model.toml"
-    outcome = accept(str(sheet), None, None, model, log=log, distances_m=distances)
+    outcome = accept(str(sheet), None, None, model, TrialSource(log=log, distances_m=distances))
     assert "bias" in outcome.summary["faults"]
     found = read_corrections(model)[0]
     assert found.offset_m == pytest.approx(0.004, abs=2e-6)
@@ -118,7 +118,9 @@ def log_of(path, distances, errors):
 def test_a_log_of_a_facing_plate_is_judged(tmp_path, bias, faults):
     noise = np.random.default_rng(3).normal(bias, 1e-3, 25)
     log = log_of(tmp_path / "readings.csv", (0.4, 0.6, 0.8), noise)
-    outcome = accept(str(tmp_path / "sensors.toml"), None, None, None, log=log, distances_m=(0.4, 0.6, 0.8))
+    outcome = accept(
+        str(tmp_path / "sensors.toml"), None, None, None, TrialSource(log=log, distances_m=(0.4, 0.6, 0.8))
+    )
     assert outcome.summary["faults"] == faults
     assert outcome.summary["bias_mm"] == pytest.approx(1e3 * float(np.median(noise)), abs=0.01)
     untested = [check["name"] for check in outcome.summary["checks"] if check["value"] is None]
@@ -130,16 +132,16 @@ def test_a_log_of_the_warm_up_shows_the_drift(tmp_path):
     log = log_of(tmp_path / "readings.csv", (0.4, 0.6), np.zeros(10))
     warm = log_of(tmp_path / "warm.csv", (0.43,), 0.005 * np.exp(-np.arange(60) / 12.0))
     path = str(tmp_path / "sensors.toml")
-    outcome = accept(path, None, None, None, log=log, distances_m=(0.4, 0.6), warm_up=warm)
+    outcome = accept(path, None, None, None, TrialSource(log=log, distances_m=(0.4, 0.6), warm_up=warm))
     assert outcome.summary["faults"] == ["drift"]
 
 
 def test_readings_that_cannot_be_shared_out_are_refused(tmp_path):
     log = log_of(tmp_path / "readings.csv", (0.4, 0.6), np.zeros(5))
     with pytest.raises(DataError, match="10 readings of 'laser' for 3 distances"):
-        accept(str(tmp_path / "sensors.toml"), None, None, None, log=log, distances_m=(0.4, 0.5, 0.6))
+        accept(str(tmp_path / "sensors.toml"), None, None, None, TrialSource(log=log, distances_m=(0.4, 0.5, 0.6)))
     with pytest.raises(UsageError, match="without --distances"):
-        accept(str(tmp_path / "sensors.toml"), None, None, None, log=log)
+        accept(str(tmp_path / "sensors.toml"), None, None, None, TrialSource(log=log))
 
 
 def test_slips_are_told_from_noise_and_do_not_count_as_bias():
@@ -169,9 +171,9 @@ def test_limits_and_distances_are_checked():
 
 def test_options_of_a_log_without_a_log_are_refused(tmp_path):
     with pytest.raises(UsageError, match="--distances without --log"):
-        accept("polaroid", None, None, None, distances_m=(0.4, 0.6))
+        accept("polaroid", None, None, None, TrialSource(distances_m=(0.4, 0.6)))
     with pytest.raises(UsageError, match="--warm-up without --log"):
-        accept("polaroid", None, None, None, warm_up=tmp_path / "warm.csv")
+        accept("polaroid", None, None, None, TrialSource(warm_up=tmp_path / "warm.csv"))
 
 
 def test_the_table_of_the_page_says_the_same_as_the_line(good):

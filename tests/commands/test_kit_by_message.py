@@ -12,7 +12,7 @@ from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
 from surfuse.node.disturbed_bus import DirectLink
 from surfuse.node.messages import TriggerSource
-from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.node.responder import NodeAbilities, NodeIdentity, Responder
 from surfuse.node.timeouts import NodeTimeouts
 from surfuse.records import Status
 from surfuse.rig.description import square_fixture
@@ -33,10 +33,8 @@ class Rig:
         self.settings = load(None, ["scene.name=flat", *overrides])
         self.simulated = TetheredSensors()
         self.clock = self.simulated.clock
-        node = Responder(
-            self.simulated.sensors, self.clock, NodeIdentity(), Catalogue(), configure=self.simulated.set_kit,
-            fire_together=self.simulated.fire_together,
-        )  # fmt: skip
+        abilities = NodeAbilities(configure=self.simulated.set_kit, fire_together=self.simulated.fire_together)
+        node = Responder(self.simulated.sensors, self.clock, NodeIdentity(), Catalogue(), abilities)
         link = DirectLink(node, self.clock)
         parameters = Parameters(timeouts=NodeTimeouts(roll_call_s=0.0))
         fixture = square_fixture(self.settings)

@@ -20,7 +20,7 @@ from surfuse.node.counters import Tally
 from surfuse.node.firmware import Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import CanFrame
-from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.node.responder import NodeAbilities, NodeIdentity, Responder
 from surfuse.records import Status
 from surfuse.rig.description import square_fixture
 from surfuse.rig.mounts import looking_outwards, world_from_shoulder
@@ -161,8 +161,7 @@ class NodeHere:
         self.line = NodeEnd(port, self.simulated.configure, self.simulated.move)
         responder = Responder(
             self.simulated.sensors, self.simulated.clock, NodeIdentity(session=session), Catalogue(),
-            fire_together=self.simulated.fire_together,
-        )  # fmt: skip
+            NodeAbilities(fire_together=self.simulated.fire_together))  # fmt: skip
         self.node = Node(responder, BusLink(lambda: open_bus(bus), MonotonicClock(), Tally()))
 
     def __enter__(self):

@@ -12,6 +12,7 @@ import trimesh
 from surfuse.commands.rangers.sensor_sheet import (
     NAMED,
     Curve,
+    SheetSource,
     _limit,
     charts_of,
     facts_of,
@@ -112,7 +113,7 @@ def measured(tmp_path):
 
 def test_a_measured_log_gives_the_error_against_range_and_incidence(measured):
     outcome = sensor_sheet(
-        str(measured / "sensors.toml"), None, None, None, measured / "readings.csv", measured / "plate.ply"
+        str(measured / "sensors.toml"), None, None, None, SheetSource(measured / "readings.csv", measured / "plate.ply")
     )
     over_incidence = outcome.summary["over_incidence_rough"]
     assert len(over_incidence["x"]) == 2
@@ -133,7 +134,7 @@ def test_names_and_tables_are_told_apart(tmp_path):
         with pytest.raises(Exception, match=told):
             spec_of(name, table)
     with pytest.raises(UsageError, match="belong together"):
-        sensor_sheet("polaroid", None, None, None, log=path)
+        sensor_sheet("polaroid", None, None, None, SheetSource(log=path))
 
 
 def test_a_named_sensor_has_no_tables():

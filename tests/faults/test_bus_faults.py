@@ -25,7 +25,7 @@ from surfuse.node.messages import (
     Trigger,
     identifier,
 )
-from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.node.responder import NodeAbilities, NodeIdentity, Responder
 from surfuse.node.timeouts import NodeTimeouts
 from surfuse.records import Echo, Fixture, SensorSpec, Status
 
@@ -75,7 +75,7 @@ class Rig:
         self.sensors = sensors or [Ranger(self.clock) for _ in range(4)]
         for sensor in self.sensors:
             sensor.clock = self.clock
-        self.node = Responder(self.sensors, self.clock, NodeIdentity(), CATALOGUE, **more)
+        self.node = Responder(self.sensors, self.clock, NodeIdentity(), CATALOGUE, NodeAbilities(**more))
         self.direct = DirectLink(self.node, self.clock)
         self.link = wrap(self.direct)
         parameters = Parameters(timeouts=timeouts)
@@ -366,7 +366,7 @@ def test_kit_settings_are_sent_again_after_a_restart():
             rig.clock,
             NodeIdentity(session=9),
             CATALOGUE,
-            configure=lambda sensor, settings: told.append((sensor, settings)),
+            NodeAbilities(configure=lambda sensor, settings: told.append((sensor, settings))),
         )
         echoes = array.sweep()
         assert all(echo.status is Status.OK for echo in echoes)

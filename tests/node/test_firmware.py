@@ -25,7 +25,7 @@ from surfuse.node.messages import (
     Result,
     Trigger,
 )
-from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.node.responder import NodeAbilities, NodeIdentity, Responder
 from surfuse.node.simultaneous_fire import ThreadedVolley
 from surfuse.node.watch import LineVerdict, NodeWatch
 from surfuse.records import Echo, SensorSpec, Status
@@ -51,7 +51,7 @@ def link(channel):
 
 
 def responder(**more):
-    return Responder([Ranger(), Ranger()], CLOCK, NodeIdentity(uid=77, session=5), CATALOGUE, **more)
+    return Responder([Ranger(), Ranger()], CLOCK, NodeIdentity(uid=77, session=5), CATALOGUE, NodeAbilities(**more))
 
 
 def heard(end, number, limit_s=300.0):
@@ -128,7 +128,9 @@ def test_all_sensors_are_in_the_air_at_once_when_the_trigger_says_so():
 
     sensors = [Meeting(), Meeting()]
     air = threading.Lock()
-    node = Responder(sensors, CLOCK, NodeIdentity(), CATALOGUE, air=air, fire_together=ThreadedVolley(sensors))
+    node = Responder(
+        sensors, CLOCK, NodeIdentity(), CATALOGUE, NodeAbilities(air=air, fire_together=ThreadedVolley(sensors))
+    )
     told = messages_of(node, 1, 3, 0, 0b11, 0, 1)
     assert [message.result for message in told if isinstance(message, Acknowledge)] == [Result.ACCEPTED, Result.DONE]
     assert [message.status for message in told if isinstance(message, Reading)] == [Status.OK, Status.OK]
@@ -145,7 +147,7 @@ def test_a_sensor_that_fails_in_a_volley_is_a_fault_and_the_others_answer():
             raise OSError("unplugged")
 
     sensors = [Broken(), Ranger()]
-    node = Responder(sensors, CLOCK, NodeIdentity(), CATALOGUE, fire_together=ThreadedVolley(sensors))
+    node = Responder(sensors, CLOCK, NodeIdentity(), CATALOGUE, NodeAbilities(fire_together=ThreadedVolley(sensors)))
     told = messages_of(node, 1, 3, 0, 0b11, 0, 1)
     assert [message.code for message in told if isinstance(message, FaultReport)] == [FaultCode.SENSOR_FAILED]
     assert [message.status for message in told if isinstance(message, Reading)] == [Status.FAULT, Status.NO_ECHO]
@@ -159,7 +161,11 @@ def test_several_volleys_are_averaged_for_each_sensor():
         return [Echo(0.5 + 0.1 * number + 0.01 * len(volleys), Status.OK, CLOCK.now_s()) for number in numbers]
 
     node = Responder(
-        sensors, CLOCK, NodeIdentity(), CATALOGUE, pings=3, average=average_echoes, fire_together=fire_together
+        sensors,
+        CLOCK,
+        NodeIdentity(),
+        CATALOGUE,
+        NodeAbilities(pings=3, average=average_echoes, fire_together=fire_together),
     )
     told = messages_of(node, 1, 3, 0, 0b11, 0, 1)
     assert volleys == [[0, 1]] * 3

@@ -17,7 +17,7 @@ from surfuse.node.disturbed_bus import BadBus, BadLink
 from surfuse.node.firmware import Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.messages import KitMessage, NodeState
-from surfuse.node.responder import NodeIdentity, Responder
+from surfuse.node.responder import NodeAbilities, NodeIdentity, Responder
 from surfuse.node.timeouts import NodeTimeouts
 from surfuse.records import Echo, Fixture, SensorSpec, Status
 from surfuse.rig import sequential_array as sequential
@@ -239,7 +239,7 @@ def test_one_sensor_is_in_the_air_at_a_time():
     for number in (1, 2):
         bus = BusParameters(channel="one_in_the_air")
         sensors = [Watched(SteppedClock(), np.random.default_rng(number)) for _ in range(4)]
-        responder = Responder(sensors, clock, NodeIdentity(node=number), Catalogue(), air=air)
+        responder = Responder(sensors, clock, NodeIdentity(node=number), Catalogue(), NodeAbilities(air=air))
         nodes.append(Node(responder, BusLink(lambda bus=bus: open_bus(bus), clock, Tally())))
         arrays.append(create(FIXTURE, Parameters(bus=bus, node=number, timeouts=PATIENT)))
     with nodes[0], nodes[1], arrays[0] as first, arrays[1] as second:
@@ -302,7 +302,11 @@ def test_settings_reach_the_kit_over_the_bus():
     bus = BusParameters(channel="settings")
     sensors = [NoisyRanger(clock, np.random.default_rng(0)) for _ in range(4)]
     responder = Responder(
-        sensors, clock, NodeIdentity(), Catalogue(), configure=lambda sensor, settings: told.append((sensor, settings))
+        sensors,
+        clock,
+        NodeIdentity(),
+        Catalogue(),
+        NodeAbilities(configure=lambda sensor, settings: told.append((sensor, settings))),
     )
     node = Node(responder, BusLink(lambda: open_bus(bus), clock, Tally()))
     settings = KitMessage(49_410, 16, 2380, 37.5, 500_000, pings=12)
@@ -319,7 +323,7 @@ def test_a_node_can_average_plain_sensors():
     clock = SteppedClock()
     bus = BusParameters(channel="averages")
     sensors = [NoisyRanger(clock, np.random.default_rng(0)) for _ in range(4)]
-    responder = Responder(sensors, clock, NodeIdentity(), Catalogue(), pings=6, average=mean)
+    responder = Responder(sensors, clock, NodeIdentity(), Catalogue(), NodeAbilities(pings=6, average=mean))
     node = Node(responder, BusLink(lambda: open_bus(bus), clock, Tally()))
     with node, create(FIXTURE, Parameters(bus=bus, timeouts=PATIENT), clock) as array:
         first = array.sweep()

@@ -47,8 +47,7 @@ def accept(
     from surfuse.commands.rangers import acceptance
 
     metres = acceptance.metres(distances)
-    outcome = acceptance.accept(
-        spec, sensor, out, model, log=log, distances_m=metres, warm_up=warm_up, plant=plant, seed=seed, force=force
-    )
+    source = acceptance.TrialSource(log, metres, warm_up, plant, seed)
+    outcome = acceptance.accept(spec, sensor, out, model, source, force=force)
     options.show(outcome.summary, outcome.table, as_json, quiet)
     return 0 if outcome.summary["passed"] else REFUSED

@@ -39,5 +39,6 @@ def sensor_sheet(
     """Make the sheet."""
     from surfuse.commands.rangers import sensor_sheet as sheets
 
-    outcome = sheets.sensor_sheet(spec, sensor, out, numbers, log, truth, seed, force)
+    source = sheets.SheetSource(log, truth, seed)
+    outcome = sheets.sensor_sheet(spec, sensor, out, numbers, source, force)
     return options.show(outcome.summary, outcome.table, as_json, quiet)

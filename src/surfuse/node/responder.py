@@ -66,6 +66,39 @@ class NodeIdentity:
             raise ConfigError(f"session = {self.session}", cure="give 0 to 255")
 
 
+@dataclass(frozen=True)
+class NodeAbilities:
+    """What a node can do with its sensors besides asking one after the other.
+
+    Parameters
+    ----------
+    pings : readings that are taken of a sensor for one answer, 1 to 31; the kit message changes it.
+    average : makes one answer of them; needed when `pings` > 1.
+    configure : takes the kit parameters of one sensor; raises a `SurfuseError` to refuse. None: only `pings` is heeded,
+        and only with an average.
+    air : held while a sensor is in the air; share it among nodes that hear each other.
+    fire_together : has the sensors of these numbers send at the same moment; None for one that failed. None: the node
+        can only fire one after the other, and refuses triggers that ask for more.
+
+    Raises
+    ------
+    ConfigError : pings out of their limits, or without an average.
+    """
+
+    pings: int = 1
+    average: Average | None = None
+    configure: Configure | None = None
+    air: threading.Lock | None = None
+    fire_together: SimultaneousFire | None = None
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.pings <= MAX_PINGS or (self.pings > 1 and self.average is None):
+            raise ConfigError(f"pings = {self.pings}", cure=f"give 1 to {MAX_PINGS}, and an average when more than 1")
+
+
+PLAIN = NodeAbilities()
+
+
 class Responder:
     """What a node answers.
 
@@ -75,13 +108,7 @@ class Responder:
     clock : time of the node; emissions are told relative to the trigger.
     identity : address, board and start.
     catalogue : the messages.
-    pings : readings that are taken of a sensor for one answer, 1 to 31; the kit message changes it.
-    average : makes one answer of them; needed when `pings` > 1.
-    configure : takes the kit parameters of one sensor; raises a `SurfuseError` to refuse. None: only `pings` is heeded,
-        and only with an average.
-    air : held while a sensor is in the air; share it among nodes that hear each other.
-    volley : has the sensors of these numbers send at the same moment; None for one that failed. None: the node can
-        only fire one after the other, and refuses triggers that ask for more.
+    abilities : what the node can do with its sensors besides.
     """
 
     def __init__(
@@ -90,26 +117,19 @@ class Responder:
         clock: Clock,
         identity: NodeIdentity,
         catalogue: Catalogue,
-        *,
-        pings: int = 1,
-        average: Average | None = None,
-        configure: Configure | None = None,
-        air: threading.Lock | None = None,
-        fire_together: SimultaneousFire | None = None,
+        abilities: NodeAbilities = PLAIN,
     ) -> None:
         if not 1 <= len(sensors) <= MAX_SENSORS:
             raise ConfigError(f"a node with {len(sensors)} sensors", cure=f"give 1 to {MAX_SENSORS}")
-        if not 1 <= pings <= MAX_PINGS or (pings > 1 and average is None):
-            raise ConfigError(f"pings = {pings}", cure=f"give 1 to {MAX_PINGS}, and an average when more than 1")
         self._sensors = tuple(sensors)
         self._clock = clock
         self._identity = identity
         self._catalogue = catalogue
-        self._pings = [pings] * len(sensors)
-        self._average = average
-        self._configure = configure
-        self._air = air or threading.Lock()
-        self._volley = fire_together
+        self._pings = [abilities.pings] * len(sensors)
+        self._average = abilities.average
+        self._configure = abilities.configure
+        self._air = abilities.air or threading.Lock()
+        self._volley = abilities.fire_together
         self._epoch: int | None = None
         self._sequence = 0
         self._accepted = 0

@@ -13,7 +13,7 @@ from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import BusCounters, Tally
 from surfuse.node.firmware import Node
 from surfuse.node.link import BusLink, BusParameters, OpenBus, open_bus
-from surfuse.node.responder import NodeIdentity, Responder, SimultaneousFire
+from surfuse.node.responder import NodeAbilities, NodeIdentity, Responder, SimultaneousFire
 from surfuse.node.timeouts import NodeTimeouts
 from surfuse.records import Echo, Fixture
 
@@ -123,7 +123,8 @@ def in_process(
     `clock` is shared by both ends and the sensors; `together` has them sent by `fire_together`, not one by one.
     """
     bus = BusParameters("virtual", f"surfuse-{next(_numbers)}", bitrate_bps)
-    responder = Responder(sensors, clock, NodeIdentity(node), Catalogue(), fire_together=fire_together)
+    abilities = NodeAbilities(fire_together=fire_together)
+    responder = Responder(sensors, clock, NodeIdentity(node), Catalogue(), abilities)
     timeouts = NodeTimeouts(silence_limit_s=_SIMULATED_SILENCE_S, lost_sweeps_limit=_LOST_SWEEPS)
     host = Parameters(bus=bus, node=node, timeouts=timeouts, together=together)
     firmware = Node(responder, BusLink(_opener(bus), clock, Tally()))

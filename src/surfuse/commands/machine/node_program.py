@@ -21,7 +21,7 @@ from surfuse.node.catalogue import Catalogue
 from surfuse.node.counters import Tally
 from surfuse.node.firmware import run
 from surfuse.node.link import BusLink, open_bus
-from surfuse.node.responder import Average, Configure, NodeIdentity, Responder, SimultaneousFire
+from surfuse.node.responder import Average, Configure, NodeAbilities, NodeIdentity, Responder, SimultaneousFire
 from surfuse.node.simultaneous_fire import ThreadedVolley
 from surfuse.rig.description import bus_parameters
 from surfuse.rig.simulated.tethered_sensors import TetheredSensors
@@ -75,16 +75,8 @@ def node(
             if chosen.bus.tether_port:
                 opening.enter_context(simulated.tether(chosen.bus.tether_port))
             fire_together, configure = simulated.fire_together, simulated.set_kit
-        responder = Responder(
-            sensors,
-            clock,
-            identity,
-            Catalogue(),
-            pings=pings,
-            average=average,
-            configure=configure,
-            fire_together=fire_together,
-        )
+        abilities = NodeAbilities(pings, average, configure, fire_together=fire_together)
+        responder = Responder(sensors, clock, identity, Catalogue(), abilities)
         kind = "own" if chosen.sensors else "simulated"
         say(f"node {identity.node} on {bus.interface} {bus.channel}: {len(sensors)} {kind} sensors; Ctrl-C ends it")
         run(responder, BusLink(lambda: open_bus(bus), MonotonicClock(), tally), stop)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,17 +24,49 @@ from surfuse.runs.side_files import RangeCorrection, sensors_toml
 _LEAST_DISTANCES = 3
 
 
+@dataclass(frozen=True)
+class TrialSource:
+    """Where the trials of a ranger come from: a log of a facing plate, else the twin.
+
+    A log holds the plate at the `distances_m`, in their order, and `warm_up` is another log, of a plate that stands
+    still from switching on. The twin can have a fault `plant`ed, and has a `seed`.
+    """
+
+    log: Path | None = None
+    distances_m: tuple[float, ...] = ()
+    warm_up: Path | None = None
+    plant: str | None = None
+    seed: int | None = None
+
+    def trials(self, spec: SensorSpec) -> Trials:
+        """The trials of the sensor.
+
+        Raises
+        ------
+        UsageError : what belongs to the twin is given with a log, or the other way round.
+        """
+        if self.log is not None:
+            if self.plant is not None:
+                raise UsageError("--plant with --log", cure="faults can be planted in the twin only")
+            if self.seed is not None:
+                raise UsageError("--seed with --log", cure="only the twin has a seed")
+            return log_trials(spec, self.log, self.distances_m, self.warm_up)
+        for option, given in (("--distances", self.distances_m), ("--warm-up", self.warm_up)):
+            if given:
+                raise UsageError(f"{option} without --log", cure="give the log of a facing plate that it belongs to")
+        return twin_trials(planted(spec, self.plant), 1 if self.seed is None else self.seed)
+
+
+THE_TWIN = TrialSource()
+
+
 def accept(
     name: str,
     table: str | None,
     out: Path | None,
     model: Path | None,
+    source: TrialSource = THE_TWIN,
     *,
-    log: Path | None = None,
-    distances_m: tuple[float, ...] = (),
-    warm_up: Path | None = None,
-    plant: str | None = None,
-    seed: int | None = None,
     limits: AcceptanceLimits | None = None,
     force: bool = False,
 ) -> Outcome:
@@ -47,24 +79,14 @@ def accept(
     spec, wanted = spec_of(name, table), limits or AcceptanceLimits()
     if out is not None and out.suffix.lower() != ".html":
         raise UsageError(f"--out '{out.name}'", cure="give a name that ends in .html")
-    if log is not None and plant is not None:
-        raise UsageError("--plant with --log", cure="faults can be planted in the twin only")
-    if log is not None and seed is not None:
-        raise UsageError("--seed with --log", cure="only the twin has a seed")
-    for option, given in (("--distances", distances_m), ("--warm-up", warm_up)):
-        if log is None and given:
-            raise UsageError(f"{option} without --log", cure="give the log of a facing plate that it belongs to")
-    if log is None:
-        trials = twin_trials(planted(spec, plant), 1 if seed is None else seed)
-    else:
-        trials = log_trials(spec, log, distances_m, warm_up)
+    trials = source.trials(spec)
     results = judge(spec, trials, wanted)
     faults = [check.fault for check in results if not check.passed]
-    source = "the twin" if log is None else str(log)
+    where = "the twin" if source.log is None else str(source.log)
     data: dict[str, object] = {
         "surfuse": __version__,
         "sensor": spec.name,
-        "source": source,
+        "source": where,
         "passed": not faults,
         "faults": faults,
         "checks": [asdict(check) for check in results],
@@ -77,7 +99,7 @@ def accept(
     if model is not None:
         durable.write_text(model, model_text(spec, trials), overwrite=force)
     if out is not None:
-        intro = f"Result: {result}. Source: {source}. Every check has one limit and names one fault."
+        intro = f"Result: {result}. Source: {where}. Every check has one limit and names one fault."
         durable.write_text(out, _page(spec, intro, results, trials), overwrite=force)
     rows += [("written", str(path)) for path in (out, model) if path is not None]
     return Outcome(data, rows)

@@ -68,14 +68,39 @@ class SensorSheet:
     noise_mm: tuple[float, ...] = ()
 
 
+@dataclass(frozen=True)
+class SheetSource:
+    """What a sheet is measured from: a log with the true surface (a mesh in the log's frame), else the twin."""
+
+    log: Path | None = None
+    truth: Path | None = None
+    seed: int | None = None
+
+    def sheet(self, spec: SensorSpec) -> SensorSheet:
+        """The sheet of the sensor.
+
+        Raises
+        ------
+        UsageError : a log without a truth, or the other way round; a seed with a log.
+        """
+        if (self.log is None) != (self.truth is None):
+            raise UsageError("--log and --truth belong together", cure="give both, or none for the twin")
+        if self.log is None or self.truth is None:
+            return twin_sheet(spec, 1 if self.seed is None else self.seed)
+        if self.seed is not None:
+            raise UsageError("--seed with --log", cure="only the twin has a seed")
+        return log_sheet(spec, self.log, self.truth)
+
+
+THE_TWIN = SheetSource()
+
+
 def sensor_sheet(
     name: str,
     table: str | None,
     out: Path | None,
     numbers: Path | None,
-    log: Path | None = None,
-    truth: Path | None = None,
-    seed: int | None = None,
+    source: SheetSource = THE_TWIN,
     force: bool = False,
 ) -> Outcome:
     """Make the sheet; `out` is a page (.html) or a picture (.svg), `numbers` a JSON file.
@@ -86,14 +111,7 @@ def sensor_sheet(
     """
     if out is not None and out.suffix.lower() not in (".html", ".svg"):
         raise UsageError(f"--out '{out.name}'", cure="give a name that ends in .html or .svg")
-    if (log is None) != (truth is None):
-        raise UsageError("--log and --truth belong together", cure="give both, or none for the twin")
-    if log is not None and seed is not None:
-        raise UsageError("--seed with --log", cure="only the twin has a seed")
-    spec = spec_of(name, table)
-    sheet = (
-        twin_sheet(spec, 1 if seed is None else seed) if log is None or truth is None else log_sheet(spec, log, truth)
-    )
+    sheet = source.sheet(spec_of(name, table))
     data = {"surfuse": __version__, **asdict(sheet)}
     if out is not None:
         charts = charts_of(sheet)

@@ -22,7 +22,7 @@ from surfuse.plan.raster import grip_targets, raster
 from surfuse.plan.reach import reach
 from surfuse.records import FloatArray, Outline
 from surfuse.rig.simulated.assembly import SimulatedClock
-from surfuse.rig.simulated.servo_arm import ServoArm, Unknown, build_servo_arm, known_model
+from surfuse.rig.simulated.servo_arm import ServoArm, ServoDesign, Unknown, build_servo_arm, known_model
 from surfuse.servo_cards.supervision import Supervision
 from surfuse.settings import Settings
 from surfuse.settings.changes import changed
@@ -168,7 +168,8 @@ def _servo(kinematics: Puma560, law: str, planner: Planner, unknown: Unknown, st
     # A study watches laws that lag or sag; the driver's own limits would stop them.
     lenient = trident.Parameters(supervision=Supervision(following_rad=0.6, stuck_rad=0.2, stuck_counts=1e9))
     clock, rng = SimulatedClock(), np.random.default_rng(0)
-    return build_servo_arm(kinematics, clock, rng, law, planner, unknown, start, lenient, calibrated_at_start=False)
+    design = ServoDesign(law, planner, unknown, parameters=lenient, calibrated_at_start=False)
+    return build_servo_arm(kinematics, clock, rng, design, start)
 
 
 @dataclass(frozen=True)

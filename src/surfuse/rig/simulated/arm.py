@@ -18,7 +18,7 @@ from surfuse.motion.planners import LinePlanner, slowed, through_lines, torque_l
 from surfuse.records import Fixture
 from surfuse.rig.arm_model import ArmModel
 from surfuse.rig.configured_arm import arm_model, clearance_model, puma560_kinematics
-from surfuse.rig.simulated.servo_arm import ServoTwinArm, build_servo_arm, control_law, known_model
+from surfuse.rig.simulated.servo_arm import ServoDesign, ServoTwinArm, build_servo_arm, control_law, known_model
 from surfuse.rig.simulated.twin_arm import TwinArm
 from surfuse.settings import Settings
 
@@ -109,15 +109,11 @@ def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Cloc
     rng = np.random.default_rng([settings.seed, _POTENTIOMETERS])
     own_rad = control_law(own.law, known).settle_rad
     settle_rad = own_rad if own.settle_deg is None else float(np.radians(own.settle_deg))
-    parts = build_servo_arm(
-        puma560_kinematics(settings),
-        clock,
-        rng,
+    design = ServoDesign(
         own.law,
         within_tool_speed(planner, model.kinematics, own.tool_speed_max_m_s),
-        start_rad=model.ready_rad,
-        parameters=trident.Parameters(settle_rad, rest_s=own.settle_s),
         fixture_kg=own.fixture_kg,
-        guard=guard,
+        parameters=trident.Parameters(settle_rad, rest_s=own.settle_s),
     )
+    parts = build_servo_arm(puma560_kinematics(settings), clock, rng, design, model.ready_rad, guard)
     return ServoTwinArm(parts, world)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import TracebackType
 from typing import Self
 
@@ -111,29 +111,41 @@ class ServoArm:
     time: ArmTime
 
 
+@dataclass(frozen=True)
+class ServoDesign:
+    """How an arm behind servo cards is driven.
+
+    `law` is the name of the control law, `planner` by default the one that goes to the torque limits. `unknown` is
+    what the arm has and its model lacks, `fixture_kg` the load at the grip. `parameters` are the driver's own. Without
+    `calibrated_at_start` the driver is told where the arm stands, else it calibrates itself when it is opened.
+    `compiled_loop` false runs every tick through the card's registers, to the same numbers.
+    """
+
+    law: str = "computed_torque"
+    planner: Planner | None = None
+    unknown: Unknown = field(default_factory=Unknown)
+    fixture_kg: float = FIXTURE.mass_kg
+    parameters: trident.Parameters | None = None
+    calibrated_at_start: bool = True
+    compiled_loop: bool = True
+
+
+STANDARD_DESIGN = ServoDesign()
+
+
 def build_servo_arm(
     kinematics: Puma560,
     clock: Clock,
     rng: Generator,
-    law: str = "computed_torque",
-    planner: Planner | None = None,
-    unknown: Unknown | None = None,
+    design: ServoDesign = STANDARD_DESIGN,
     start_rad: FloatArray = READY_RAD,
-    parameters: trident.Parameters | None = None,
-    calibrated_at_start: bool = True,
-    fixture_kg: float = FIXTURE.mass_kg,
-    compiled_loop: bool = True,
     guard: Guard | None = None,
 ) -> ServoArm:
-    """An arm that stands at `start_rad` (6,), brakes on; it calibrates itself when it is opened, if asked to.
-
-    `planner` is by default the one that goes to the torque limits. Without `calibrated_at_start` the driver is told
-    where the arm stands. `compiled_loop` false runs every tick through the card's registers, to the same numbers.
-    `guard` checks every move before it.
-    """
-    model = known_model(fixture_kg)
-    chosen = control_law(law, model)
-    plant = ArmPlant(true_dynamics(unknown or Unknown(), fixture_kg), start_rad, LIMITS.lower_rad, LIMITS.upper_rad)
+    """An arm that stands at `start_rad` (6,), brakes on; `guard` checks every move before it."""
+    model = known_model(design.fixture_kg)
+    chosen = control_law(design.law, model)
+    dynamics = true_dynamics(design.unknown, design.fixture_kg)
+    plant = ArmPlant(dynamics, start_rad, LIMITS.lower_rad, LIMITS.upper_rad)
     own_time = ArmTime(clock)
     card = SimulatedCard(plant, STANDARD_SCALES, own_time, rng)
     around = trident.Surroundings(
@@ -143,11 +155,11 @@ def build_servo_arm(
         guard=guard,
         bus=card,
         law=chosen,
-        planner=planner or torque_limited(model, LIMITS),
-        standing_rad=None if calibrated_at_start else start_rad,
-        loop=CompiledTicks(card, plant) if compiled_loop else None,
+        planner=design.planner or torque_limited(model, LIMITS),
+        standing_rad=None if design.calibrated_at_start else start_rad,
+        loop=CompiledTicks(card, plant) if design.compiled_loop else None,
     )
-    arm = trident.create(replace(parameters or trident.Parameters(chosen.settle_rad), surroundings=around))
+    arm = trident.create(replace(design.parameters or trident.Parameters(chosen.settle_rad), surroundings=around))
     return ServoArm(arm, plant, card, chosen, own_time)
 
 
