@@ -42,8 +42,8 @@ def boundary_confidences(
     """dc3 (N,) of the validated readings of a range of stops; `inside_m` counts from the first reading of the range.
 
     `inside_m` (K,) is how far the footprint's centre lies inside the outline (m; negative: outside), `gate` (N,) says
-    which readings are valid. A footprint that is wholly inside has 1; `share` of it outside costs confidence, `floor_m`
-    is the least radius that counts. Written into `dc3`; readings that are not valid are left as they were.
+    which readings are valid; the others get nan. Scale of the sigmoid: `share` of the footprint's radius, at least
+    `floor_m` (m).
     """
     ranges, sensors, spread, base = scan.range_m, scan.sensor, limits.spread, scan.start[stops[0]]
     for i in range(base, scan.start[stops[1]]):

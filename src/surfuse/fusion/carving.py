@@ -97,7 +97,7 @@ def envelope(
     """Height and sigma (R, C): the quantile of the bounds, and half its distance to twice the quantile as a doubt.
 
     In m, nan where a node has no bound. `lowest` (R, C, DEEPEST), `number` (R, C) and `finest` (R, C) are those of
-    `bounds`. sigma is at least the smallest one of a reading.
+    `bounds`. The smallest sigma of a reading is part of sigma.
     """
     known = number > 0
 

@@ -89,7 +89,7 @@ def hits_of(
     `inside_m` counts from the first reading of the stop. Returns how many they are.
 
     `hits` (n, 5) has room for all readings of a stop; u, v, w in m in the part frame, the variance in m^2. `gate` (N,)
-    is that of all readings, `late_m` is taken off the ranges.
+    is that of all readings. A reading beside the part has its variance enlarged by `late_m` squared: it may be late.
     """
     part, first, n = limits.part_from_world, scan.start[j], 0
     for i in range(first, scan.start[j + 1]):

@@ -24,7 +24,10 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 @dataclass(frozen=True)
 class KernelFolder:
-    """The folder, whether it outlives the process, and the folders that were refused before it."""
+    """The folder, whether it outlives the process, and the folders that were refused before it.
+
+    `path` is the folder itself; `lasting` is false for one in the temporary files of this process.
+    """
 
     path: Path
     lasting: bool

@@ -266,7 +266,7 @@ def measured(
 def beam_table(spec: SensorSpec, range_mm: int, model: DetectorModel) -> BeamTable:
     """Tabulate one sensor at a typical range; missing frequency or aperture follow from the beam angle.
 
-    `range_mm` is that range in whole millimetres, so that equal ones share their table: it takes a tenth of a second.
+    `range_mm` is that range in whole millimetres, so that equal ones share their table.
     """
     half = 0.5 * spec.beam_full_angle_rad
     wavelength = SPEED_OF_SOUND_M_S / (spec.frequency_hz or 50e3)

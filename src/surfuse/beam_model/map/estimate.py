@@ -53,8 +53,9 @@ def cell_size(scene: FusionScene, grid: MapGrid, step_m: float) -> float:
 def domain_of(scene: FusionScene, raster: Raster, grid: MapGrid, heard_m: FloatArray, reach_m: float) -> BoolArray:
     """Cells of the part that a reading could have heard.
 
-    A mask (R, C) of the raster. `heard_m` (M, 2 or 3) are places (u, v) in m where something was heard; cells farther
-    than `reach_m` from all of them are left out, and so are cells outside of the outline where the scene has one.
+    A mask (R, C) of the raster. `heard_m` (M, 3) are points in the part frame in m where something was heard; cells
+    farther than `reach_m` from all of them are left out, and so are cells outside of the outline where the scene has
+    one.
     """
     if scene.outline is not None:
         inside = inside_outline(raster, grid, scene.outline, np.quantile(heard_m[:, 2], (0.05, 0.5, 0.95)))

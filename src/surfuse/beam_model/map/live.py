@@ -46,7 +46,7 @@ LEAST_STATIONS = 6
 class LiveMap:
     """The sweeps so far, and what they gave.
 
-    `grid` is the map that was asked for, `looked_m` holds (2,) or more places (u, v) in m for each sweep; `sheet` are
+    `grid` is the map that was asked for, `looked_m` holds a place (u, v) (2,) in m for each sweep; `sheet` are
     the layers of the last estimate (None: there was none yet). `edge` is the price of a broken difference, `tables` one
     for each kind of sensor.
     """

@@ -185,7 +185,8 @@ class Plate:
 def plate(domain: BoolArray, g_m: float) -> Plate:
     """Number the cells of a domain so that the band is narrow.
 
-    `domain` (R, C); the numbers run along the shorter side, so that the band is as wide as two of its lines.
+    `domain` (R, C), `g_m` the side of a cell; the numbers run along the shorter side, so that neighbours across it have
+    numbers close to each other.
     """
     number = np.full(domain.shape, -1, dtype=np.int64)
     if domain.shape[0] >= domain.shape[1]:

@@ -135,8 +135,7 @@ def finer(coarse: Estimation, solution: Solution, raster: Raster) -> FloatArray:
 def breaks(height: FloatArray, crease_m: float) -> BoolArray:
     """Cells (R, C) whose bend along u or v is that of an edge.
 
-    `height` (R, C) in m; a bend is a second difference, an edge one above `crease_m`. The border of the raster has
-    none.
+    `height` (R, C) in m; a bend is a second difference, an edge one above `crease_m`.
     """
     bent = np.zeros(height.shape, dtype=bool)
     bent[:, 1:-1] |= np.abs(np.diff(height, 2, axis=1)) > crease_m
