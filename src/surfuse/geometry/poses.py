@@ -101,7 +101,7 @@ def frame_from_axes(origin_m: npt.ArrayLike, u: npt.ArrayLike, v: npt.ArrayLike)
 def are_rigid(poses: FloatArray, tolerance: float = 1e-6) -> BoolArray:
     """Which of some 4x4 arrays (..., 4, 4) are right-handed rigid poses: (...).
 
-    Their axes may be off a right angle by `tolerance` (as a cosine), and of a length that differs from 1 by little more.
+    Their axes may be off a right angle by `tolerance` (as a cosine), and off unit length by little more.
     """
     # Entry by entry over all poses: a million of them are checked in a moment.
     entries = np.ascontiguousarray(np.moveaxis(poses, (-2, -1), (0, 1)))

@@ -19,6 +19,8 @@ class ScanLog:
     `world_from_part` (4, 4) is the given part frame, or an estimate when `frame_estimated`. `warnings` are sentences
     for the user about everything that was repaired, assumed or left out. `targets_uv_m` (M, 2) is where the plan of
     the scan wanted its stops, in the part frame (None: no plan is known).
+
+    `outline` is that of the part in its frame (None: unknown); readings deeper than `depth_max_m` do not belong to it.
     """
 
     readings: Readings
