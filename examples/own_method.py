@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from surfuse.fusing.columns import PointColumns, ScanColumns
+from surfuse.records.kernel_columns import PointColumns, ScanColumns
 
 import surfuse as sf
 from surfuse.confidence.gate import GateParameters, Limits, gap_reason, validate

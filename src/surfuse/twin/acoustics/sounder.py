@@ -145,7 +145,8 @@ class Sounder:
         """What repeated pings read of what comes back; see `ping`.
 
         Ranges (pings,) in m and strengths (pings,). `generator` is drawn from in the same order whatever is heard, so
-        that one surface more does not change the noise of all that follows; `t_s` is the time of the trigger, by which the drift after switching on has faded.
+        that one surface more does not change the noise of all that follows; `t_s` is the time of the trigger, by which
+        the drift after switching on has faded.
         """
         scale = self.response * (1.0 + noise.amplitude * generator.standard_normal(pings))
         shift = noise.receiver * generator.standard_normal(pings)
