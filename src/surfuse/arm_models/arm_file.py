@@ -27,6 +27,8 @@ class ArmChain:
 
     `home` (J + 1, 4, 4): frames of the links behind each joint and of the tool. `capsules`: outer shape, link index 0
     for the base, j for the link behind joint j.
+
+    `axis` are unit vectors about which the joints turn, `point` (J, 3) in m lies on each axis, limits in rad.
     """
 
     joint_names: tuple[str, ...]

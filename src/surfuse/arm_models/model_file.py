@@ -84,7 +84,10 @@ class ModelFileArm:
 
     @property
     def screw_arguments(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """What the kernels of `models.screw_chain` take: axes, points, frames at angle 0, lower and upper limits."""
+        """What the kernels of `models.screw_chain` take: axes, points, frames at angle 0, lower and upper limits.
+
+        Axes and points (J, 3) in m, frames (J + 1, 4, 4), limits (J,) in rad.
+        """
         return self._chain.axis, self._chain.point, self._home, self.lower_rad, self.upper_rad
 
     @property
@@ -114,11 +117,17 @@ class ModelFileArm:
         return SINGULARITIES
 
     def forward(self, joints_rad: npt.ArrayLike) -> FloatArray:
-        """Pose of the tool in the world: joints (..., J) -> (..., 4, 4)."""
+        """Pose of the tool in the world: joints (..., J) -> (..., 4, 4).
+
+        Joints in rad, lengths in m.
+        """
         return self.link_poses(joints_rad)[..., -1, :, :]
 
     def link_poses(self, joints_rad: npt.ArrayLike) -> FloatArray:
-        """Poses (..., J + 2, 4, 4) in the world of base, links and tool."""
+        """Poses (..., J + 2, 4, 4) in the world of base, links and tool.
+
+        For joints (..., J) in rad; the frame of link j is the one behind joint j.
+        """
         rows, lead = self._rows(joints_rad)
         frames, _ = place_many(self._chain.axis, self._chain.point, self._home, rows)
         poses = np.empty((len(rows), frames.shape[1] + 1, 4, 4))
@@ -127,7 +136,10 @@ class ModelFileArm:
         return poses.reshape(*lead, *poses.shape[1:])
 
     def jacobian(self, joints_rad: npt.ArrayLike) -> FloatArray:
-        """Geometric Jacobian (..., 6, J) of the tool in world axes, linear rows first."""
+        """Geometric Jacobian (..., 6, J) of the tool in world axes, linear rows first.
+
+        For joints (..., J) in rad: m/s and rad/s of the tool per rad/s of a joint.
+        """
         rows, lead = self._rows(joints_rad)
         _, jacobians = place_many(self._chain.axis, self._chain.point, self._home, rows)
         return np.asarray((self._turn @ jacobians).reshape(*lead, *jacobians.shape[1:]))
@@ -138,6 +150,12 @@ class ModelFileArm:
         Column k is one configuration, followed from pose to pose. Where the arm has a closed form (and EAIK is
         installed) all solutions are found, else those whose configuration the first reachable pose has. An arm with
         more than six joints has endlessly many solutions, of which each column is one.
+
+        Joints in rad; nan in the columns that do not reach a pose.
+
+        Raises
+        ------
+        DataError : the poses are not (N, 4, 4).
         """
         poses = np.ascontiguousarray(world_from_tool, dtype=np.float64)
         if poses.ndim != 3 or poses.shape[1:] != (4, 4):

@@ -91,15 +91,24 @@ class Puma560:
         return SINGULARITIES
 
     def forward(self, joints_rad: npt.ArrayLike) -> FloatArray:
-        """Pose of the tool in the world: joints (..., 6) -> (..., 4, 4)."""
+        """Pose of the tool in the world: joints (..., 6) -> (..., 4, 4).
+
+        Joints in rad, lengths in m.
+        """
         return self._chain.forward(joints_rad)
 
     def link_poses(self, joints_rad: npt.ArrayLike) -> FloatArray:
-        """Poses (..., 8, 4, 4) in the world of base, links 1 to 6 and tool."""
+        """Poses (..., 8, 4, 4) in the world of base, links 1 to 6 and tool.
+
+        For joints (..., 6) in rad.
+        """
         return self._chain.link_poses(joints_rad)
 
     def jacobian(self, joints_rad: npt.ArrayLike) -> FloatArray:
-        """Geometric Jacobian (..., 6, 6) of the tool in world axes, linear rows first."""
+        """Geometric Jacobian (..., 6, 6) of the tool in world axes, linear rows first.
+
+        For joints (..., 6) in rad: m/s and rad/s of the tool per rad/s of a joint.
+        """
         return self._chain.jacobian(joints_rad)
 
     def inverse(self, world_from_tool: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
@@ -112,7 +121,14 @@ class Puma560:
         return joints, into_limits(joints, self.lower_rad, self.upper_rad)
 
     def solutions(self, world_from_tool: npt.ArrayLike) -> FloatArray:
-        """All eight solutions (N, 8, 6) in [-pi, pi], whatever the joint limits; nan where out of reach."""
+        """All eight solutions (N, 8, 6) in [-pi, pi], whatever the joint limits; nan where out of reach.
+
+        For poses (N, 4, 4) of the tool in the world.
+
+        Raises
+        ------
+        DataError : the poses are not (N, 4, 4).
+        """
         poses = np.ascontiguousarray(world_from_tool, dtype=np.float64)
         if poses.ndim != 3 or poses.shape[1:] != (4, 4):
             raise DataError(f"poses have shape {poses.shape}, wanted (N, 4, 4)")
@@ -139,5 +155,8 @@ class Puma560:
 
 
 def create(world_from_base: FloatArray, flange_from_tool: FloatArray) -> Puma560:
-    """The kinematics of a PUMA 560 at this place with this tool."""
+    """The kinematics of a PUMA 560 at this place with this tool.
+
+    Both are poses (4, 4).
+    """
     return Puma560(world_from_base, flange_from_tool)

@@ -42,6 +42,8 @@ class Load:
     """What the wrist carries: mass (kg), its centre ahead of the wrist centre (m), and its size as a solid cylinder.
 
     The defaults are estimates for four transducers in tubes 20 cm long on a bracket: weigh the real one.
+
+    `mass_kg` at `ahead_m` beyond the wrist centre, as a cylinder of `radius_m` and `length_m` along the last axis.
     """
 
     mass_kg: float = 0.45

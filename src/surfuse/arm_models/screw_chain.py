@@ -118,6 +118,9 @@ def solve(
 
     Damped least squares (Levenberg and Marquardt; Wampler, IEEE Trans. Systems, Man and Cybernetics 16(1), 1986) with
     the damping tied to the error (Sugihara, IEEE Trans. Robotics 27(5), 2011).
+
+    `axis`, `point` (J, 3), `home` (J + 1, 4, 4), `lower`, `upper` (J,) as in `ArmChain`; `target` (4, 4) is the pose of
+    the tool in the base frame. `q` (J,) in rad is the start, and is moved in place also where it fails.
     """
     n = q.shape[0]
     frames = np.zeros((n + 1, 4, 4))
@@ -162,6 +165,9 @@ def solve_along(
 
     Where that fails the seed itself and then the spare starts (S, J) are tried. nan where none gets there; the next
     row then starts from the last one that did.
+
+    `axis`, `point` (J, 3), `home` (J + 1, 4, 4), `lower`, `upper` (J,) as in `ArmChain`; also returned is which (N, K)
+    got there. All joints in rad.
     """
     count, columns, n = targets.shape[0], seeds.shape[0], seeds.shape[1]
     joints = np.full((count, columns, n), np.nan)
@@ -191,7 +197,10 @@ def place_many(axis: FloatArray, point: FloatArray, home: FloatArray, q: FloatAr
 
 
 def spread(count: int, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Joints (count, J) spread evenly over their limits: the middle, then the R sequence (Roberts 2018)."""
+    """Joints (count, J) spread evenly over their limits: the middle, then the R sequence (Roberts 2018).
+
+    `lower` and `upper` (J,) in rad.
+    """
     n = len(lower)
     golden = 1.5
     for _ in range(60):

@@ -21,6 +21,9 @@ def sort_into(values: FloatArray, gate: IntArray, base: int, first: int, last: i
     """Copy the values of the validated readings first to last - 1 into `ordered`, increasing; returns how many.
 
     `values` counts from reading `base`, `gate` from reading 0.
+
+    `values` (K,) over a range of readings, `gate` (N,) over all; `ordered` needs room for last - first values, and
+    those beyond the returned number are left as they were.
     """
     count = 0
     for s in range(first - base, last - base):
@@ -37,7 +40,10 @@ def sort_into(values: FloatArray, gate: IntArray, base: int, first: int, last: i
 
 @compiled
 def median_of_sorted(ordered: FloatArray, n: int) -> float:
-    """Median of the first n >= 1 values of an increasing array."""
+    """Median of the first n >= 1 values of an increasing array.
+
+    `ordered` (n or more,); of an even number it is the mean of the middle two.
+    """
     lower: float = ordered[(n - 1) // 2]
     upper: float = ordered[n // 2]
     return 0.5 * (lower + upper)
@@ -79,7 +85,7 @@ def deviations(
     """How far each validated reading (N,) of a range of stops is from the median of the others of its sweep.
 
     `value_m` counts from the first reading of the range, `deviation_m` from reading 0. A reading alone in its sweep
-    deviates from nobody.
+    deviates from nobody. All in m; written into `deviation_m` (N,). `stops` is (first, last + 1).
     """
     start = scan.start
     base = start[stops[0]]

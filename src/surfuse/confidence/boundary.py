@@ -39,7 +39,12 @@ def boundary_confidences(
     floor_m: float,
     dc3: FloatArray,
 ) -> None:
-    """dc3 (N,) of the validated readings of a range of stops; `inside_m` counts from the first reading of the range."""
+    """dc3 (N,) of the validated readings of a range of stops; `inside_m` counts from the first reading of the range.
+
+    `inside_m` (K,) is how far the footprint's centre lies inside the outline (m; negative: outside), `gate` (N,) says
+    which readings are valid; the others get nan. Scale of the sigmoid: `share` of the footprint's radius, at least
+    `floor_m` (m).
+    """
     ranges, sensors, spread, base = scan.range_m, scan.sensor, limits.spread, scan.start[stops[0]]
     for i in range(base, scan.start[stops[1]]):
         scale = boundary_scale(ranges[i] * spread[sensors[i]], share, floor_m)

@@ -60,6 +60,10 @@ class Limits(NamedTuple):
     `spread` (S,) is the tangent of half the beam angle; ring k of the outline is `vertices[ring[k]:ring[k + 1]]`,
     the first the boundary, the others holes. `eye_m` (4,) is where the camera saw the outline from, in its frame
     (w = 0: the outline is seen along w), and the outline's lowest v, its foot.
+
+    `range_min_m`, `range_max_m`, `sigma_m` (S,) are those of the specs, `depth_max_m` the deepest reading that counts.
+    `vertices` (P, 2) in m lie in the frame of the outline, which has been enlarged by `margin_m`; `outline_from_world`
+    and `part_from_world` are (4, 4). `footprints` and `allowance_m` are those of `GateParameters`.
     """
 
     range_min_m: FloatArray
@@ -114,7 +118,10 @@ def _rings(outline: Outline | None) -> tuple[FloatArray, IntArray]:
 
 
 def limits_of(scene: FusionScene, parameters: GateParameters) -> Limits:
-    """The scene and the parameters of validation as the kernels take them."""
+    """The scene and the parameters of validation as the kernels take them.
+
+    Without an outline there are no rings, and no reading is refused for lying beside the part.
+    """
     specs = scene.specs
     vertices, ring = _rings(scene.outline)
     outline_frame = scene.world_from_part if scene.outline is None else scene.outline.world_from_part
@@ -241,7 +248,10 @@ def validate(
 
 @compiled
 def gap_reason(gate: IntArray, first: int, last: int) -> int:
-    """Why a stop without a valid reading is a gap: what was heard lay outside the part, or nothing was valid."""
+    """Why a stop without a valid reading is a gap: what was heard lay outside the part, or nothing was valid.
+
+    `gate` (N,) of all readings, of which first to last - 1 are the stop's; a value of `Gap`.
+    """
     for i in range(first, last):
         if gate[i] == GATE_OUTSIDE:
             return OUTSIDE_PART

@@ -48,7 +48,8 @@ def on_part(points_m: FloatArray, world_from_points: FloatArray, outline: Outlin
     """Which points (N, 3) of a frame belong to the part: inside the outline before its margin, outside of its holes.
 
     A point belongs to the part up to the median standard deviation of the outline outside of it: the rim belongs to the
-    part, and a node on it must not fall off by rounding.
+    part, and a node on it must not fall off by rounding. A mask (N,); `world_from_points` (4, 4) is the pose of the
+    points' frame, points in m.
     """
     placed = transform_points(inverse(outline.world_from_part) @ world_from_points, points_m)
     seen = _seen(np.ascontiguousarray(placed), eye_of(outline))

@@ -44,6 +44,9 @@ def columns_within(
     """First and last + 1 column and row of the nodes that a cone's cap can cover.
 
     The cap of a sphere within `spread_rad` of the axis lies within the chord 2 r sin(spread / 2) of the hit point.
+
+    `start` (3,) in m and unit `axis` (3,) in the part frame, `spread_rad` is half the beam angle; `u` (C,) and `v` (R,)
+    are the nodes in m, increasing. The bounds are held within the map, and the box is empty where the cap misses it.
     """
     wide = 2.0 * range_m * math.sin(0.5 * min(spread_rad, math.pi))
     cu, cv = start[0] + range_m * axis[0], start[1] + range_m * axis[1]
@@ -62,6 +65,8 @@ def columns_between(
     """First and last + 1 column and row of the nodes that a cone can cover between two ranges.
 
     The cone is convex, so the hull of its two ends holds what lies between them.
+
+    Arguments as in `columns_within`, with the two ranges `near_m` and `far_m`.
     """
     a0, a1, b0, b1 = columns_within(start, axis, near_m, spread_rad, u, v)
     c0, c1, d0, d1 = columns_within(start, axis, far_m, spread_rad, u, v)
@@ -73,6 +78,8 @@ def off_axis(du: float, dv: float, drop: float, axis: FloatArray, range_m: float
     """Angle between the axis and a point (du, dv, -drop) at this range, as a share of the spread; inf behind.
 
     From the chord between the two directions, which stays exact near the axis.
+
+    `axis` (3,) is a unit vector in the part frame; (du, dv) in m beside the start of the beam, `drop` in m below it.
     """
     x, y, z = du / range_m - axis[0], dv / range_m - axis[1], -drop / range_m - axis[2]
     chord = 0.5 * math.sqrt(x * x + y * y + z * z)
@@ -84,6 +91,8 @@ def shell(du: float, dv: float, axis: FloatArray, range_m: float, spread_rad: fl
     """How far below the start (m) the sphere of a range meets a column at (du, dv), and its angle off the axis there.
 
     The angle is a share of the spread; inf where the sphere does not reach the column.
+
+    `axis` (3,) is a unit vector in the part frame; (du, dv) in m beside the start of the beam, which is at the origin.
     """
     side = du * du + dv * dv
     if side >= range_m * range_m:
@@ -107,6 +116,9 @@ def _nearest(value: float, nodes: FloatArray) -> int:
 
 @compiled
 def nearest_node(at_u: float, at_v: float, u: FloatArray, v: FloatArray) -> tuple[int, int]:
-    """Row and column of the node whose cell a point lies in; (-1, -1) outside of the map."""
+    """Row and column of the node whose cell a point lies in; (-1, -1) outside of the map.
+
+    `u` (C,) and `v` (R,) are increasing, in m as the point is. A cell reaches half a step to both sides of its node.
+    """
     c, k = _nearest(at_u, u), _nearest(at_v, v)
     return (k, c) if k >= 0 and c >= 0 else (-1, -1)

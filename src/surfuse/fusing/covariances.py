@@ -14,19 +14,28 @@ ROOT3 = 3.0**0.5
 
 @dataclass(frozen=True)
 class Covariance:
-    """Length and standard deviation of the surface about its trend, and a factor to the readings' own sigma."""
+    """Length and standard deviation of the surface about its trend, and a factor to the readings' own sigma.
+
+    `length_m` is that of the Matern correlation, `signal_m` in m, `noise` multiplies every stated sigma.
+    """
 
     length_m: float
     signal_m: float
     noise: float
 
     def between(self, a_m: FloatArray, b_m: FloatArray) -> FloatArray:
-        """Covariance (..., P, Q) of heights at places (..., P, 2) and (..., Q, 2)."""
+        """Covariance (..., P, Q) of heights at places (..., P, 2) and (..., Q, 2).
+
+        In m^2, with the constants of this record, for places (u, v) in m.
+        """
         return self.signal_m**2 * matern(a_m, b_m, self.length_m)
 
 
 def matern(a_m: FloatArray, b_m: FloatArray, length_m: float) -> FloatArray:
-    """Matern correlation with smoothness 3/2 (Rasmussen and Williams 2006, equation 4.17): once differentiable."""
+    """Matern correlation with smoothness 3/2 (Rasmussen and Williams 2006, equation 4.17): once differentiable.
+
+    (..., P, Q) for places (..., P, 2) and (..., Q, 2) in m: (1 + x) exp(-x) with x = sqrt(3) distance / length.
+    """
     offset = a_m[..., :, None, :] - b_m[..., None, :, :]
     scaled = ROOT3 * np.sqrt(np.sum(offset**2, axis=-1)) / length_m
     return np.asarray((1.0 + scaled) * np.exp(-scaled), dtype=np.float64)

@@ -34,7 +34,10 @@ from surfuse.records import (
 
 @dataclass(frozen=True)
 class Estimate:
-    """Heights and their standard deviation (R, C), nan where there is none, and which readings (N,) they rest on."""
+    """Heights and their standard deviation (R, C), nan where there is none, and which readings (N,) they rest on.
+
+    `height_m` and `sigma_m` in m along w of the part frame; `used` counts from the first reading of the survey.
+    """
 
     height_m: FloatArray
     sigma_m: FloatArray
@@ -47,7 +50,10 @@ Mapper = Callable[[FusionScene, Readings, FusedPoints, MapGrid], SurfaceMap]
 
 @dataclass
 class MapwiseState:
-    """Where a live fusion stands: the scene, the state of the points, the sweeps so far."""
+    """Where a live fusion stands: the scene, the state of the points, the sweeps so far.
+
+    `local` is the state of the method that makes the points; the map is made of the `sweeps` when it is asked for.
+    """
 
     scene: FusionScene
     local: object
@@ -56,7 +62,10 @@ class MapwiseState:
 
 @dataclass(frozen=True)
 class MapwiseFusion:
-    """A `FusionMethod` made of a name, a sweep-wise method for its points, and a function for its map."""
+    """A `FusionMethod` made of a name, a sweep-wise method for its points, and a function for its map.
+
+    `local` fuses stop by stop; `mapper` makes an `Estimate` of a survey and a grid, once all readings are there.
+    """
 
     name: str
     local: FusionMethod

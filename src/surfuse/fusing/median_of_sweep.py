@@ -33,7 +33,11 @@ def _median(value_m: FloatArray) -> FloatArray:
 
 
 def fuse(value_m: FloatArray, sigma_m: FloatArray) -> Fused:
-    """Median of k readings, and the larger of its errors from their own sigma and from their median deviation."""
+    """Median of k readings, and the larger of its errors from their own sigma and from their median deviation.
+
+    `value_m` and `sigma_m` (k, G) are the readings of G sweeps on the grip axis, in m; depth and sigma (G,) in m. The
+    variance of a median is `median_inflation(k)` times that of a mean.
+    """
     k, depth = len(value_m), _median(value_m)
     own = np.add.reduce(sigma_m**2, axis=0) / k
     scatter = MAD_TO_SIGMA * _median(np.abs(value_m - depth))

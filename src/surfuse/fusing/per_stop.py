@@ -45,7 +45,11 @@ Fuse = Callable[[FloatArray, FloatArray], Fused]
 
 
 def per_stop(name: str, gates: GateParameters, fuse: Fuse) -> FusionMethod:
-    """The method that fuses every stop by `fuse(value_m, sigma_m)`, given readings along axis 0."""
+    """The method that fuses every stop by `fuse(value_m, sigma_m)`, given readings along axis 0.
+
+    `fuse` gets ranges and sigmas (k, G) in m, see the module, and makes a `Fused` of them. It may run in several
+    threads at once. Errors in what it returns are reported with the name of the method when it runs.
+    """
 
     def fresh(sensors: int) -> None:
         return None
@@ -67,7 +71,10 @@ def per_stop(name: str, gates: GateParameters, fuse: Fuse) -> FusionMethod:
 
 
 def one_by_one(fuse: Callable[[FloatArray, FloatArray], tuple[float, float]]) -> Fuse:
-    """A function of the k readings of one sweep, that cannot take more at once, as one that can."""
+    """A function of the k readings of one sweep, that cannot take more at once, as one that can.
+
+    `fuse` gets ranges (k,) and sigmas (k,) in m and returns a depth and its sigma in m; it is called once a stop.
+    """
 
     def each(value_m: FloatArray, sigma_m: FloatArray) -> Fused:
         columns = zip(np.ascontiguousarray(value_m.T), np.ascontiguousarray(sigma_m.T), strict=True)

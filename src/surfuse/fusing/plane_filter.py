@@ -19,7 +19,12 @@ UNKNOWN_M2 = 1.0
 
 
 class Memory(NamedTuple):
-    """State x (3,), covariance (3, 3), where it holds (2,), variance of the scatter (1,); whether held, line (1,)."""
+    """What a filter over one scan line remembers, moved on in place.
+
+    `state` (3,) is the height (m) of the plane and its slopes along u and v, `covariance` (3, 3) theirs, `at_m` (2,)
+    the place (u, v) where they hold. `scatter` (1,) is the variance (m^2) of the readings about the plane, `held` (1,)
+    says whether there is a plane, `row` (1,) on which scan line.
+    """
 
     state: FloatArray
     covariance: FloatArray
@@ -65,6 +70,8 @@ def judge(memory: Memory, hits: FloatArray, n: int, sigmas: float, fresh: bool, 
     """Innovation, its variance without the reading's, and 1.0 or 0.0 within the gate: rows of `judged`; how many are.
 
     A level that has just begun was put at the median of the sweep: its height is not counted as unknown then.
+
+    `hits` (n or more, 5) are rows (u, v, w, variance, on the part), in m and m^2; `judged` (n or more, 3) is written.
     """
     x, p, within = memory.state, memory.covariance, 0
     for k in range(n):

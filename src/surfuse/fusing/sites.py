@@ -54,12 +54,19 @@ def groups(uv_m: FloatArray, pitch_m: float) -> IntArray:
 
 
 def summed(values: FloatArray, group: IntArray, n: int) -> FloatArray:
-    """Sum of values (N,) over each of n groups."""
+    """Sum of values (N,) over each of n groups.
+
+    The result is (n,); `group` (N,) holds the number of each value's group, 0 to n - 1. Empty groups are 0.
+    """
     return np.bincount(group, weights=values, minlength=n).astype(np.float64, copy=False)
 
 
 def medians(values: FloatArray, group: IntArray, n: int) -> FloatArray:
-    """Median of values (N,) over each of n groups, none of them empty."""
+    """Median of values (N,) over each of n groups, none of them empty.
+
+    The result is (n,); `group` (N,) holds the number of each value's group, 0 to n - 1. Of an even number it is the
+    mean of the middle two.
+    """
     ordered = values[np.lexsort((values, group))]
     size = np.bincount(group, minlength=n)
     first = np.cumsum(size) - size

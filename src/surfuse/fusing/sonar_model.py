@@ -24,13 +24,20 @@ ENTRIES = 1024
 
 @compiled
 def table_of_empty(detection: float) -> FloatArray:
-    """ln(1 - alpha) for 1 - (angle / half angle)^2 = k / ENTRIES: most cells are far in front of the reading."""
+    """ln(1 - alpha) for 1 - (angle / half angle)^2 = k / ENTRIES: most cells are far in front of the reading.
+
+    (ENTRIES + 2,), the last two equal, so that an interpolation may reach one too far. `detection` is alpha.
+    """
     return np.log1p(-detection * np.minimum(np.arange(ENTRIES + 2) / ENTRIES, 1.0))
 
 
 @compiled
 def evidence(z_m: float, range_m: float, alpha: float, share: float, delta_m: float, other_per_m: float) -> float:
-    """Log likelihood ratio of occupied to empty for a cell at range z from a reading r (see the module)."""
+    """Log likelihood ratio of occupied to empty for a cell at range z from a reading r (see the module).
+
+    `share` is one over the cells of the cap, `other_per_m` is F in 1/m, all ranges in m. Deviations beyond `FAR` are
+    cut: 0 behind the reading, ln(1 - alpha) in front of it.
+    """
     x = (range_m - z_m) / delta_m
     if x < -FAR:
         return 0.0
@@ -52,7 +59,12 @@ def squared_angle(cosine: float) -> float:
 def share_of(
     s: FloatArray, a: FloatArray, r: float, spread: float, box: tuple[int, int, int, int], u: FloatArray, v: FloatArray
 ) -> float:
-    """One over the columns of the cone's cap, each weighted by 1 - (angle / half angle)^2."""
+    """One over the columns of the cone's cap, each weighted by 1 - (angle / half angle)^2.
+
+    `s` and `a` (3,) are start (m) and unit axis of the cone in the part frame, `r` its range (m), `spread` its half
+    angle (rad); `box` bounds columns and rows as `columns_within` gives them. At most 1: a cap smaller than a cell is
+    one cell.
+    """
     total, (c0, c1, r0, r1) = 0.0, box
     for k in range(r0, r1):
         for c in range(c0, c1):
@@ -63,7 +75,10 @@ def share_of(
 
 
 class SonarModel(NamedTuple):
-    """Sonar model of one reading: delta (m), F (1/m), alpha, share, and ln(1 - alpha) by 1 - (angle / half angle)^2."""
+    """Sonar model of one reading: delta (m), F (1/m), alpha, share, and ln(1 - alpha) by 1 - (angle / half angle)^2.
+
+    `empty` (ENTRIES + 2,) is `table_of_empty(detection)`; it is the same for all readings.
+    """
 
     delta_m: float
     other_per_m: float

@@ -31,7 +31,10 @@ BLOCK = 256
 
 @compiled
 def block_readings(start: IntArray) -> int:
-    """Readings in the largest block of stops: the size of a kernel's scratch columns."""
+    """Readings in the largest block of stops: the size of a kernel's scratch columns.
+
+    `start` (M + 1,) is the first reading of each stop and the end of the last one.
+    """
     stops, most = start.shape[0] - 1, 0
     for begin in range(0, stops, BLOCK):
         most = max(most, start[min(begin + BLOCK, stops)] - start[begin])

@@ -23,6 +23,8 @@ def sigma_of_average(
     - from their scatter about the average: sqrt(sum w^2 (m - M)^2 / (sum w)^2 * n_e / (n_e - 1)), with the effective
       number n_e = (sum w)^2 / sum w^2. Equal weights: the standard error s / sqrt(n). It shows where the readings
       contradict each other (a step, a tilt, an outlier). With n_e near 1 there is no scatter to speak of.
+
+    `weight` is (N,) over all readings of the scan, the others (K,) over a range of them, in m.
     """
     total, squares, own, scatter = 0.0, 0.0, 0.0, 0.0
     for i in range(first, last):
@@ -43,6 +45,8 @@ def sigma_of_averages(share: FloatArray, deviation_m: FloatArray, sigma_m: Float
     """`sigma_of_average` of many stops at once: the k readings of each are the rows (k, ...) of the arrays.
 
     `share` are the weights over their sum, `deviation_m` the values less their average.
+
+    All are (k, ...), in m but for the shares; the result (...) is in m. One reading alone has its own sigma.
     """
     squares = np.add.reduce(share * share, axis=0)
     own = np.add.reduce((share * sigma_m) ** 2, axis=0)

@@ -80,7 +80,12 @@ class BeamFusion(MapwiseFusion):
         return BeamState(scene, self.local.start(scene))
 
     def preview(self, state: object, grid: MapGrid) -> SurfaceMap:
-        """The map so far: estimated again around the sweeps since the last call; nothing of it enters the final map."""
+        """The map so far: estimated again around the sweeps since the last call; nothing of it enters the final map.
+
+        Raises
+        ------
+        DataError : the state is not one that `start` of this method returned.
+        """
         own = self._own(state)
         if not isinstance(own, BeamState):
             raise DataError(f"a state of type {type(own).__name__}", cure="pass what start() of 'beam' returned")

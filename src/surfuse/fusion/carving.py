@@ -94,7 +94,11 @@ def bounds(beams: Beams, sigma: FloatArray, nodes: Nodes) -> tuple[FloatArray, I
 def envelope(
     lowest: FloatArray, number: IntArray, finest: FloatArray, quantile: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Height and sigma (R, C): the quantile of the bounds, and half its distance to twice the quantile as a doubt."""
+    """Height and sigma (R, C): the quantile of the bounds, and half its distance to twice the quantile as a doubt.
+
+    In m, nan where a node has no bound. `lowest` (R, C, DEEPEST), `number` (R, C) and `finest` (R, C) are those of
+    `bounds`. The smallest sigma of a reading is part of sigma.
+    """
     known = number > 0
 
     def ranked(share: float) -> FloatArray:

@@ -72,6 +72,9 @@ def winners(cast: IntArray, bottom_m: float, size_m: float) -> tuple[FloatArray,
     """Height and sigma (R, C): mean of the voxels with most votes, and the spread of those with at least half as many.
 
     nan where nobody voted.
+
+    In m; `cast` (R, C, Z) are the votes, the centre of voxel 0 is at `bottom_m`, each is `size_m` high. The variance of
+    a voxel's uniform height, size^2 / 12, is part of sigma.
     """
     centre = bottom_m + size_m * np.arange(cast.shape[2])
     height, sigma = np.full(cast.shape[:2], np.nan), np.full(cast.shape[:2], np.nan)

@@ -29,6 +29,8 @@ def fuse(value_m: FloatArray, sigma_m: FloatArray) -> Fused:
     """Weighted average of k readings, and the larger of its internal and external error (Birge 1932).
 
     Weights are relative to the best reading of the sweep, so that a degree of confidence stays within [0, 1].
+
+    `value_m` and `sigma_m` (k, G) are the readings of G sweeps on the grip axis, in m; depth and sigma (G,) in m.
     """
     finest = np.minimum.reduce(sigma_m, axis=0)
     # A beam across the grip axis tells its depth exactly: sigma 0.

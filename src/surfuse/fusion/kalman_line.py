@@ -87,6 +87,9 @@ def hits_of(
     """Own-axis hit points of the validated readings of stop j: rows (u, v, w, variance, 1 on the part) of `hits`.
 
     `inside_m` counts from the first reading of the stop. Returns how many they are.
+
+    `hits` (n, 5) has room for all readings of a stop; u, v, w in m in the part frame, the variance in m^2. `gate` (N,)
+    is that of all readings. A reading beside the part has its variance enlarged by `late_m` squared: it may be late.
     """
     part, first, n = limits.part_from_world, scan.start[j], 0
     for i in range(first, scan.start[j + 1]):
@@ -109,7 +112,10 @@ def hits_of(
 
 @compiled
 def level(hits: FloatArray, n: int, ordered: FloatArray) -> float:
-    """Median height of the hits on the part, or of all when none is."""
+    """Median height of the hits on the part, or of all when none is.
+
+    `hits` (n or more, 5) as in `hits_of`, of which the first `n` count; in m along w. `ordered` is room for n values.
+    """
     count = 0
     for k in range(n):
         if hits[k, 4] > 0.0:

@@ -21,7 +21,10 @@ class Parameters(GateParameters):
 
 
 def fuse(value_m: FloatArray, sigma_m: FloatArray) -> Fused:
-    """Average of k readings, and the larger of its errors from their own sigma and from their scatter (Birge 1932)."""
+    """Average of k readings, and the larger of its errors from their own sigma and from their scatter (Birge 1932).
+
+    `value_m` and `sigma_m` (k, G) are the readings of G sweeps on the grip axis, in m; depth and sigma (G,) in m.
+    """
     depth = np.add.reduce(value_m, axis=0) / len(value_m)
     share = np.full(value_m.shape, 1.0 / len(value_m))
     return Fused(depth, sigma_of_averages(share, value_m - depth, sigma_m))

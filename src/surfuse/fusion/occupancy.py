@@ -105,6 +105,9 @@ def crossing(odds: FloatArray, bottom: float, size: float) -> tuple[float, float
     The column is followed from above to its first positive voxel, where it turns occupied, and on to the first maximum
     of the odds, refined by a parabola: the crossing itself lies in front of every reading by two or three of its
     deviations. The deviation is that of the first occupied voxel met from above, plus that of a voxel.
+
+    `bottom` (m) is the height of the centre of voxel 0, `size` (m) that of a voxel. Odds are held within `CERTAIN` when
+    they become probabilities.
     """
     top = odds.shape[0] - 1
     found = -1
@@ -136,7 +139,11 @@ def crossing(odds: FloatArray, bottom: float, size: float) -> tuple[float, float
 
 @compiled
 def crossings(odds: FloatArray, wanted: BoolArray, bottom: float, size: float) -> tuple[FloatArray, FloatArray]:
-    """Height and standard deviation (R, C) of the crossings of all wanted columns."""
+    """Height and standard deviation (R, C) of the crossings of all wanted columns.
+
+    In m, nan where a column is never occupied or not wanted. `odds` (R, C, Z) are log-odds with the centre of voxel 0
+    at `bottom` (m), each voxel `size` (m) high; `wanted` (R, C).
+    """
     height, sigma = np.full(wanted.shape, np.nan), np.full(wanted.shape, np.nan)
     for k in range(wanted.shape[0]):
         for c in range(wanted.shape[1]):

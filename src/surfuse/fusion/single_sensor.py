@@ -48,7 +48,10 @@ def turn(sensor: int, chosen: int, sensors: int) -> int:
 
 
 def first_in_turn(heard: Survey, chosen: int) -> IntArray:
-    """The readings of a survey (rows) that are their sweep's first in turn."""
+    """The readings of a survey (rows) that are their sweep's first in turn.
+
+    `chosen` is the sensor's number; rows (K,) increasing.
+    """
     sensors = int(heard.sensor.max(initial=0)) + 1
     rank = (heard.sensor - chosen) % sensors
     best = np.full(int(heard.sweep.max(initial=-1)) + 1, sensors)

@@ -79,8 +79,10 @@ class _Constants(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the method remembers: window (3, 3) of fused points (world, oldest first), how many of them are held
-    (1,), their scan line (1,), and the running error rate (S,) of each sensor.
+    """What the method remembers from stop to stop, moved on in place.
+
+    `window_m` (3, 3) holds the last fused points in the world, oldest first, `held` (1,) how many of them there are,
+    `row` (1,) the scan line that they lie on. `error_rate` (S,) is the running error rate of each sensor, in [0, 1].
     """
 
     window_m: FloatArray

@@ -25,7 +25,10 @@ POSIX = sys.platform != "win32" and "geteuid" in vars(os)
 
 @dataclass(frozen=True)
 class KernelFolder:
-    """The folder, whether it outlives the process, and the folders that were refused before it."""
+    """The folder, whether it outlives the process, and the folders that were refused before it.
+
+    `path` is the folder itself; `lasting` is false for one in the temporary files of this process.
+    """
 
     path: Path
     lasting: bool

@@ -25,7 +25,10 @@ _STL_TRIANGLE_BYTES = 50
 
 @dataclass(frozen=True)
 class TriangleSoup:
-    """Vertices (V, 3) in the file's units, triangles (F, 3), and warnings that a user should see."""
+    """Vertices (V, 3) in the file's units, triangles (F, 3), and warnings that a user should see.
+
+    `vertices_m` are in metres only if the file was: the caller scales them.
+    """
 
     vertices_m: FloatArray
     triangles: IntArray

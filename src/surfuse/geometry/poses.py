@@ -22,7 +22,10 @@ def pose(rotation: npt.ArrayLike, translation_m: npt.ArrayLike) -> FloatArray:
 
 
 def inverse(a_from_b: FloatArray) -> FloatArray:
-    """Invert poses (..., 4, 4) by the transpose of their rotation: exact for rigid poses."""
+    """Invert poses (..., 4, 4) by the transpose of their rotation: exact for rigid poses.
+
+    `a_from_b` becomes `b_from_a`. What is not rigid is not noticed: see `is_rigid`.
+    """
     rotation_t = np.swapaxes(a_from_b[..., :3, :3], -1, -2)
     result = np.zeros_like(a_from_b)
     result[..., :3, :3] = rotation_t
@@ -32,20 +35,33 @@ def inverse(a_from_b: FloatArray) -> FloatArray:
 
 
 def transform_points(a_from_b: FloatArray, points_b: npt.ArrayLike) -> FloatArray:
-    """Points (..., 3) of frame b, expressed in frame a."""
+    """Points (..., 3) of frame b, expressed in frame a.
+
+    `a_from_b` (4, 4) is one pose for all points.
+    """
     points = np.asarray(points_b, dtype=np.float64)
     result: FloatArray = points @ a_from_b[:3, :3].T + a_from_b[:3, 3]
     return result
 
 
 def rotate_vectors(a_from_b: FloatArray, vectors_b: npt.ArrayLike) -> FloatArray:
-    """Free vectors (..., 3) of frame b, expressed in frame a."""
+    """Free vectors (..., 3) of frame b, expressed in frame a.
+
+    `a_from_b` (4, 4) is one pose for all vectors; only its rotation counts.
+    """
     result: FloatArray = np.asarray(vectors_b, dtype=np.float64) @ a_from_b[:3, :3].T
     return result
 
 
 def rotation_about(axis: npt.ArrayLike, angle_rad: float) -> FloatArray:
-    """Rotation matrix (3, 3) about an axis (3,), right-handed (Rodrigues' formula)."""
+    """Rotation matrix (3, 3) about an axis (3,), right-handed (Rodrigues' formula).
+
+    The axis need not have unit length.
+
+    Raises
+    ------
+    DataError : the axis has no length.
+    """
     direction = np.asarray(axis, dtype=np.float64)
     norm = float(np.linalg.norm(direction))
     if not norm > 0.0:
@@ -60,6 +76,8 @@ def frame_from_axes(origin_m: npt.ArrayLike, u: npt.ArrayLike, v: npt.ArrayLike)
     """`world_from_part` from its origin and the directions of its u and v axes; w = u x v.
 
     u keeps its direction, v is made perpendicular to it.
+
+    `origin_m` (3,) in m, `u` and `v` (3,) of any length, all in the world; the pose is (4, 4).
 
     Raises
     ------
@@ -81,7 +99,10 @@ def frame_from_axes(origin_m: npt.ArrayLike, u: npt.ArrayLike, v: npt.ArrayLike)
 
 
 def are_rigid(poses: FloatArray, tolerance: float = 1e-6) -> BoolArray:
-    """Which of some 4x4 arrays (..., 4, 4) are right-handed rigid poses: (...)."""
+    """Which of some 4x4 arrays (..., 4, 4) are right-handed rigid poses: (...).
+
+    Their axes may be off a right angle by `tolerance` (as a cosine), and off unit length by little more.
+    """
     # Entry by entry over all poses: a million of them are checked in a moment.
     entries = np.ascontiguousarray(np.moveaxis(poses, (-2, -1), (0, 1)))
     x, y, z = entries[:3, 0], entries[:3, 1], entries[:3, 2]
@@ -104,5 +125,8 @@ def _dot(one: Sequence[FloatArray] | FloatArray, other: FloatArray) -> FloatArra
 
 
 def is_rigid(matrix: FloatArray, tolerance: float = 1e-6) -> bool:
-    """Whether a 4x4 array is a right-handed rigid pose."""
+    """Whether a 4x4 array is a right-handed rigid pose.
+
+    `matrix` (4, 4); any other shape is none. `tolerance` as in `are_rigid`.
+    """
     return matrix.shape == (4, 4) and bool(are_rigid(matrix, tolerance))

@@ -18,7 +18,12 @@ _WHOLE = ("cells", "held_out", "chosen", "reason")
 
 
 def columns(decisions: Sequence[RegionDecision]) -> tuple[dict[str, IntArray], dict[str, FloatArray]]:
-    """Whole numbers (N,) and real numbers (N, 2 or K) of N decisions among the same K candidates."""
+    """Whole numbers (N,) and real numbers (N, 2 or K) of N decisions among the same K candidates.
+
+    Raises
+    ------
+    DataError : the regions were decided among different candidates.
+    """
     names = decisions[0].candidates
     if any(one.candidates != names for one in decisions):
         raise DataError("the regions of the map were decided among different candidates")

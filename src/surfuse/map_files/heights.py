@@ -14,6 +14,8 @@ _STEP_TOLERANCE = 1e-6
 def equal_step(nodes_m: FloatArray, name: str) -> float:
     """The step of an axis whose nodes are equally far apart.
 
+    In m; `nodes_m` (N,) are increasing, `name` is that of the axis in the message.
+
     Raises
     ------
     DataError : one node only, or steps that differ by more than 1e-6 of their mean.

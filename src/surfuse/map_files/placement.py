@@ -27,7 +27,10 @@ _RIGID = 1e-5
 
 @dataclass(frozen=True)
 class Placement:
-    """Part frame (4, 4) of a file of ours, None where it only says that it is in one; its first node in that frame."""
+    """Part frame (4, 4) of a file of ours, None where it only says that it is in one; its first node in that frame.
+
+    `world_from_part` is the part frame; (`first_u_m`, `first_v_m`) is the node of row 0 and column 0.
+    """
 
     world_from_part: FloatArray | None
     first_u_m: float = 0.0

@@ -18,6 +18,8 @@ class MapMesh:
     """Vertices (N, 3) m in the part frame, triangles (T, 3), and the layers at the vertices (N,).
 
     `measured` (N,) is false where only the prior gives the vertex its height.
+
+    `confidence` in [0, 1] and `sigma_m` in m are the layers.
     """
 
     vertices_m: FloatArray

@@ -15,7 +15,11 @@ Guard = Callable[[FloatArray, FloatArray], None]
 
 @dataclass(frozen=True)
 class ArmSurroundings:
-    """The arm's model, the limits that its moves keep to, the clock of the rig, and the check of every move."""
+    """The arm's model, the limits that its moves keep to, the clock of the rig, and the check of every move.
+
+    `kinematics` is the model; `guard` refuses a move before it begins (None: nothing is
+    checked).
+    """
 
     kinematics: Kinematics
     limits: JointLimits

@@ -14,7 +14,11 @@ from surfuse.records import Fixture, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Capsule:
-    """A rod with round ends on link `link` (index into the link poses), from start to end (3,) in that frame."""
+    """A rod with round ends on link `link` (index into the link poses), from start to end (3,) in that frame.
+
+    `name` is what messages call it. `start_m` and `end_m` (3,) are the ends of its centre line, `radius_m` its
+    thickness about that line; all in m. A ball has two equal ends.
+    """
 
     name: str
     link: int

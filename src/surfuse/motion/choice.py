@@ -65,6 +65,12 @@ def nearest_configuration(
 
     `solutions_rad` (N, K, J), `valid` (N, K), `current_rad` (J,) or (N, J). Distance is the weighted Euclidean one,
     over the turn of every joint that is nearest within its limits: 350 degrees may be 10 degrees away.
+
+    `lower_rad` and `upper_rad` (J,) are the limits of the turns, `weights` (J,) or one number for all joints.
+
+    Raises
+    ------
+    DataError : the current joints are not finite.
     """
     n, _, joints = solutions_rad.shape
     current = np.ascontiguousarray(np.broadcast_to(np.asarray(current_rad, dtype=np.float64), (n, joints)))
@@ -90,7 +96,8 @@ def _follow(path: FloatArray, start: FloatArray, lower: FloatArray, upper: Float
 def follow(path_rad: FloatArray, start_rad: FloatArray, lower_rad: FloatArray, upper_rad: FloatArray) -> FloatArray:
     """Joints (N, J) along a path in one configuration, every angle on the turn nearest to the stop before it.
 
-    Rows with nan stay nan and are passed over.
+    Rows with nan stay nan and are passed over. `path_rad` (N, J), `start_rad` (J,) where the arm comes from,
+    `lower_rad` and `upper_rad` (J,) the limits of the turns.
     """
     start = np.ascontiguousarray(start_rad, dtype=np.float64)
     return _follow(np.ascontiguousarray(path_rad, dtype=np.float64), start, lower_rad, upper_rad)

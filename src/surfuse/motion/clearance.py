@@ -19,7 +19,10 @@ _CHUNK = 2048  # joint positions at once: bounds the memory of the sphere centre
 
 @dataclass(frozen=True)
 class Clearances:
-    """Least distance (N,) in m (negative: overlap), and which part of the arm is nearest to which obstacle (N,)."""
+    """Least distance (N,) in m (negative: overlap), and which part of the arm is nearest to which obstacle (N,).
+
+    `parts` and `obstacles` are the names that `part` and `obstacle` count.
+    """
 
     distance_m: FloatArray
     part: IntArray

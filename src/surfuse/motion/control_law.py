@@ -15,7 +15,10 @@ from surfuse.records import FloatArray
 
 @dataclass(frozen=True)
 class Commands:
-    """What the servo is told at each of its T ticks: position, speed and acceleration (T, J)."""
+    """What the servo is told at each of its T ticks: position, speed and acceleration (T, J).
+
+    Positions in rad, speeds in rad/s, accelerations in rad/s^2.
+    """
 
     position_rad: FloatArray
     velocity_rad_s: FloatArray
@@ -51,12 +54,20 @@ class ControlLaw(Protocol):
         measured_rad_s: FloatArray,
         torque_nm: FloatArray,
     ) -> None:
-        """Write the joint torques (J,) of this tick into `torque_nm`, within the torque limits."""
+        """Write the joint torques (J,) of this tick into `torque_nm`, within the torque limits.
+
+        All (J,): wanted and measured joints in rad, speeds in rad/s, acceleration in rad/s^2, torques in Nm. Called
+        once a period, so that integrators may count calls. The arrays are used again at the next tick: nothing may be
+        kept of them.
+        """
 
 
 @dataclass(frozen=True)
 class LawSurroundings:
-    """The arm as its controller knows it, and the joints (J,) for whose inertia fixed gains hold."""
+    """The arm as its controller knows it, and the joints (J,) for whose inertia fixed gains hold.
+
+    `dynamics` includes the loads that are known; `nominal_rad` in rad.
+    """
 
     dynamics: ArmDynamics
     nominal_rad: FloatArray

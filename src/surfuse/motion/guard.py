@@ -70,6 +70,8 @@ class MotionGuard:
     def __call__(self, start_rad: FloatArray, end_rad: FloatArray) -> None:
         """Check a straight move in joint space.
 
+        Both ends (J,) in rad, moved to along the straight line between them.
+
         Raises
         ------
         SafetyStopError : names joint or part, value and limit; nothing has moved.

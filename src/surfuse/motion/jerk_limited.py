@@ -21,6 +21,8 @@ class JerkLimitedMove:
 
     `jerk_rad_s3` (J,). The joints share one time law along the straight line, as in `TrapezoidalMove`: that of one
     coordinate that runs from 0 to 1.
+
+    `start_rad` and `end_rad` in rad, at rest at both; the speeds and accelerations of `limits` hold.
     """
 
     start_rad: FloatArray

@@ -15,7 +15,10 @@ _ROUNDING_RAD = 1e-9  # an angle that a computation puts this far over its limit
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Position (rad), speed (rad/s) and acceleration (rad/s^2) limits of J joints, each (J,)."""
+    """Position (rad), speed (rad/s) and acceleration (rad/s^2) limits of J joints, each (J,).
+
+    `lower_rad` and `upper_rad` are positions. Speeds and accelerations hold in both directions.
+    """
 
     lower_rad: FloatArray
     upper_rad: FloatArray
@@ -49,7 +52,10 @@ class JointLimits:
 
 
 def first_outside(joints_rad: FloatArray, limits: JointLimits) -> npt.NDArray[np.int64]:
-    """Index (...) of the first joint of joints (..., J) outside its limits, -1 where all are inside; nan is outside."""
+    """Index (...) of the first joint of joints (..., J) outside its limits, -1 where all are inside; nan is outside.
+
+    A limit itself is inside, and so is what rounding adds to it.
+    """
     inside = (joints_rad >= limits.lower_rad - _ROUNDING_RAD) & (joints_rad <= limits.upper_rad + _ROUNDING_RAD)
     return np.where(np.all(inside, axis=-1), -1, np.argmin(inside, axis=-1)).astype(np.int64)
 

@@ -12,7 +12,12 @@ from surfuse.records import FloatArray
 
 
 class RigidArm(NamedTuple):
-    """An arm as kernels take it: lengths, masses (J,), centres (J, 3), inertias (J, 3, 3), gravity (1,); SI units."""
+    """An arm of J joints as kernels take it, links in standard Denavit-Hartenberg form, SI units.
+
+    `d`, `a` (m) and `alpha` (rad) (J,), `mass` (J,) in kg; `center` (J, 3) in m and `inertia` (J, 3, 3) in kg m^2 about
+    it, in the frame of the link; `armature` (J,) in kg m^2, the motors as the joints see them; `gravity` (1,) in m/s^2
+    along -z of the base.
+    """
 
     d: FloatArray
     a: FloatArray
@@ -26,7 +31,10 @@ class RigidArm(NamedTuple):
 
 @compiled
 def newton_euler(arm: RigidArm, q: FloatArray, qd: FloatArray, qdd: FloatArray, torque: FloatArray) -> None:
-    """Write the torques (J,) of a motion (J,) into `torque`: Luh, Walker and Paul 1980, equations in link frames."""
+    """Write the torques (J,) of a motion (J,) into `torque`: Luh, Walker and Paul 1980, equations in link frames.
+
+    `q` in rad, `qd` in rad/s, `qdd` in rad/s^2, torques in Nm; friction is not part of them.
+    """
     d, a, alpha, mass = arm.d, arm.a, arm.alpha, arm.mass
     center, inertia, armature, gravity = arm.center, arm.inertia, arm.armature, arm.gravity
     n = q.shape[0]

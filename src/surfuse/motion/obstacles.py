@@ -27,7 +27,11 @@ class Obstacle(Protocol):
 
 @dataclass(frozen=True)
 class RingTable:
-    """The ring table around joint 1: a flat ring whose top lies at `height_m`."""
+    """The ring table around joint 1: a flat ring whose top lies at `height_m`.
+
+    From `inner_radius_m` to `outer_radius_m` about the world's z axis, `thickness_m` deep. `ignores` names parts of the
+    arm that may touch it.
+    """
 
     height_m: float = 1.00
     inner_radius_m: float = 0.95
@@ -53,7 +57,10 @@ class RingTable:
 
 @dataclass(frozen=True)
 class Floor:
-    """Everything below a height."""
+    """Everything below a height.
+
+    `height_m` is z in the world. `ignores` names parts of the arm that may touch it.
+    """
 
     height_m: float = 0.0
     name: str = "the floor"
@@ -66,7 +73,10 @@ class Floor:
 
 @dataclass(frozen=True)
 class Column:
-    """A vertical cylinder about joint 1, from the floor to its top: the stand and the trunk of the arm."""
+    """A vertical cylinder about joint 1, from the floor to its top: the stand and the trunk of the arm.
+
+    From below to `top_m`, of `radius_m` about the world's z axis. `ignores` names parts of the arm that may touch it.
+    """
 
     top_m: float
     radius_m: float
@@ -80,7 +90,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Box:
-    """A box, upright or not: between the corners `lower_m` and `upper_m` (3,) of its own frame."""
+    """A box, upright or not: between the corners `lower_m` and `upper_m` (3,) of its own frame.
+
+    `world_from_box` (4, 4) is the pose of that frame, corners in m. `ignores` names parts of the arm that may touch it.
+    """
 
     lower_m: tuple[float, float, float]
     upper_m: tuple[float, float, float]

@@ -75,6 +75,8 @@ def separable_pairs(
     Parts of links that share a joint are left out, and parts that overlap in the ready posture, or are nearer than
     `_NEIGHBOURS_M` in a fifth of all postures: rods are larger than what they cover, and such parts are neighbours in
     truth.
+
+    `link_poses` makes poses (N, L, 4, 4) of joints (N, J); `lower_rad`, `upper_rad`, `ready_rad` (J,).
     """
     names = tuple(dict.fromkeys(capsule.name for capsule in capsules))
     links = {name: [capsule.link for capsule in capsules if capsule.name == name] for name in names}

@@ -74,7 +74,10 @@ class ArmDynamics:
         return np.asarray(self.coulomb_motor_nm * np.abs(self.gear)[:, None])
 
     def friction(self, velocity_rad_s: npt.ArrayLike) -> FloatArray:
-        """Torque (..., J) that the motors spend on friction at joint speeds (..., J); no Coulomb part at rest."""
+        """Torque (..., J) that the motors spend on friction at joint speeds (..., J); no Coulomb part at rest.
+
+        In Nm; viscous friction in proportion to the speed, dry friction of the direction of motion.
+        """
         speed = np.asarray(velocity_rad_s, dtype=np.float64)
         dry = np.where(speed > 0.0, self.coulomb_nm[:, 0], np.where(speed < 0.0, -self.coulomb_nm[:, 1], 0.0))
         return np.asarray(self.viscous_nm_s * speed + dry)
@@ -86,6 +89,12 @@ class ArmDynamics:
 
         Recursive Newton-Euler method in the link frames: Luh, Walker and Paul, J. Dynamic Systems, Measurement and
         Control 102(2), 1980.
+
+        Positions in rad, speeds in rad/s, accelerations in rad/s^2, torques in Nm; the shapes are broadcast.
+
+        Raises
+        ------
+        DataError : the states do not have J joints.
         """
         q, qd, qdd = np.broadcast_arrays(
             np.asarray(position_rad, dtype=np.float64),
@@ -103,16 +112,25 @@ class ArmDynamics:
     def inverse_dynamics(
         self, position_rad: npt.ArrayLike, velocity_rad_s: npt.ArrayLike, acceleration_rad_s2: npt.ArrayLike
     ) -> FloatArray:
-        """Torque (..., J) that the motors must give for a motion (..., J), friction included."""
+        """Torque (..., J) that the motors must give for a motion (..., J), friction included.
+
+        `rigid_torque` and `friction` added up, in Nm.
+        """
         rigid = self.rigid_torque(position_rad, velocity_rad_s, acceleration_rad_s2)
         return np.asarray(rigid + self.friction(velocity_rad_s))
 
     def gravity(self, position_rad: npt.ArrayLike) -> FloatArray:
-        """Torque (..., J) that holds the arm at rest."""
+        """Torque (..., J) that holds the arm at rest.
+
+        In Nm, for joints (..., J) in rad.
+        """
         return self.rigid_torque(position_rad, 0.0, 0.0)
 
     def inertia(self, position_rad: npt.ArrayLike) -> FloatArray:
-        """Joint-space inertia (..., J, J), motors included: one column for a unit acceleration of each joint."""
+        """Joint-space inertia (..., J, J), motors included: one column for a unit acceleration of each joint.
+
+        In kg m^2, for joints (..., J) in rad; symmetric and positive definite.
+        """
         weightless = replace(self, gravity_m_s2=0.0)
         q = np.asarray(position_rad, dtype=np.float64)[..., None, :]
         return np.swapaxes(weightless.rigid_torque(q, 0.0, np.eye(len(self))), -1, -2)
@@ -121,6 +139,12 @@ class ArmDynamics:
         """The same arm with a load bolted to its last link: centre (3,) and inertia (3, 3) about it, in that frame.
 
         Masses add, centres of gravity average, inertias move to the common centre (Steiner).
+
+        In kg, m and kg m^2.
+
+        Raises
+        ------
+        ConfigError : the mass is negative or not finite.
         """
         if not (np.isfinite(mass_kg) and mass_kg >= 0.0):
             raise ConfigError(f"mass of the load = {mass_kg} kg", cure="give 0 kg or more")

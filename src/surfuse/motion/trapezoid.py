@@ -15,7 +15,10 @@ _STILL_RAD = 1e-12  # changes below this are rounding, not motion
 
 
 def durations_s(start_rad: FloatArray, end_rad: FloatArray, limits: JointLimits) -> FloatArray:
-    """Shortest times (...) of moves from start (..., J) to end (..., J), at rest at both ends."""
+    """Shortest times (...) of moves from start (..., J) to end (..., J), at rest at both ends.
+
+    In s. The limits of position do not matter; a move of no length takes no time.
+    """
     cruising, rise = _path_times(np.subtract(end_rad, start_rad), limits)
     return cruising + rise
 
@@ -36,7 +39,11 @@ def _path_times(change_rad: FloatArray, limits: JointLimits) -> tuple[FloatArray
 
 @dataclass(frozen=True)
 class TrapezoidalMove:
-    """One move between two joint positions (J,): straight in joint space, within speed and acceleration limits."""
+    """One move between two joint positions (J,): straight in joint space, within speed and acceleration limits.
+
+    `start_rad` and `end_rad` in rad, at rest at both. The joints start and stop together: the slowest one sets the
+    time.
+    """
 
     start_rad: FloatArray
     end_rad: FloatArray

@@ -70,7 +70,10 @@ class AveragingParameters:
 
 @dataclass(frozen=True)
 class Consistent:
-    """Which of P finite pings agree: `used` (P,), by how many half wavelengths each slipped `slips` (P,)."""
+    """Which of P finite pings agree: `used` (P,), by how many half wavelengths each slipped `slips` (P,).
+
+    `range_m` and `spread_m` are mean and standard deviation of the used ones after the slips are taken out, in m.
+    """
 
     used: BoolArray
     slips: IntArray
@@ -86,6 +89,10 @@ def average_pings(
     The most frequent answer decides: number, no echo, too close or fault; in a tie the number loses. A number is the
     mean of the consistent pings, its spread their standard deviation (nan for one ping), its count how many they are.
     Rounded to what the bus carries: 0.01 mm, and 1/20000 of the amplitude.
+
+    Raises
+    ------
+    DataError : there is no ping, or not one amplitude a range.
     """
     ranges = np.asarray(range_m, dtype=np.float64)
     strength = np.asarray(amplitude, dtype=np.float64)
@@ -112,7 +119,12 @@ def average_pings(
 
 
 def average_echoes(echoes: Sequence[Echo], parameters: AveragingParameters | None = None) -> Echo:
-    """One echo from several of the same sensor; the time is that of the first."""
+    """One echo from several of the same sensor; the time is that of the first.
+
+    Raises
+    ------
+    DataError : there are no echoes.
+    """
     if not echoes:
         raise DataError("no echoes to average", cure="give at least one")
     ranges = np.array([echo.range_m for echo in echoes])

@@ -46,7 +46,10 @@ _IIO_HINTS = {
 
 @dataclass(frozen=True)
 class SerialPort:
-    """A serial port: device file, what the system calls it, USB ids (`vid:pid`, empty: none), what is likely on it."""
+    """A serial port: device file, what the system calls it, USB ids (`vid:pid`, empty: none), what is likely on it.
+
+    `hint` names the kind of device that has these ids (empty: unknown).
+    """
 
     device: str
     description: str
@@ -84,7 +87,10 @@ class IioDevice:
 
 @dataclass(frozen=True)
 class Devices:
-    """Everything that was found; `interfaces` are the back ends of python-can, `notes` what could not be looked at."""
+    """Everything that was found; `interfaces` are the back ends of python-can, `notes` what could not be looked at.
+
+    Each tuple is empty where nothing was found.
+    """
 
     serial_ports: tuple[SerialPort, ...]
     can_adapters: tuple[CanAdapter, ...]

@@ -82,7 +82,10 @@ class BadBus:
 
 @dataclass
 class Injected:
-    """How many frames were lost on the way out and in, doubled, and held back."""
+    """How many frames were lost on the way out and in, doubled, and held back.
+
+    As seen from the host: `out` is towards the node.
+    """
 
     lost_out: int = 0
     lost_in: int = 0

@@ -71,7 +71,11 @@ _ENUMS: dict[tuple[Function, str], type[IntEnum]] = {
 
 @dataclass(frozen=True)
 class Layout:
-    """The fields of one message in the order of its signals: `shift` and `mask` of each, `scale` to its unit."""
+    """The fields of one message in the order of its signals: `shift` and `mask` of each, `scale` to its unit.
+
+    A raw word is the payload, read as one number, shifted right and masked; times the entry of `scales` it is in the
+    unit of the catalogue.
+    """
 
     fields: tuple[tuple[int, int], ...]
     scales: tuple[float, ...]

@@ -77,14 +77,22 @@ class TriggerSource(IntEnum):
 
 
 class CanFrame(NamedTuple):
-    """One classic CAN frame with an 11-bit identifier."""
+    """One classic CAN frame with an 11-bit identifier.
+
+    `identifier` is made of function (4 bits), node (3) and sensor (4), see the function of that name; `data` is up to 8
+    bytes, all of ours have 8.
+    """
 
     identifier: int
     data: bytes
 
 
 class Trigger(NamedTuple):
-    """Fire the sensors of the mask, or send their answers of this sequence again; `together` 1: all at one moment."""
+    """Fire the sensors of the mask, or send their answers of this sequence again; `together` 1: all at one moment.
+
+    `sensors` has bit k set for sensor k. `epoch` is the number of this run of the host and `sequence` that of the
+    sweep, both counted round; `attempt` counts the triggers of one sequence.
+    """
 
     node: int
     sequence: int
@@ -95,7 +103,10 @@ class Trigger(NamedTuple):
 
 
 class Acknowledge(NamedTuple):
-    """A request was taken, done or refused; `sensors` is the mask that this is about."""
+    """A request was taken, done or refused; `sensors` is the mask that this is about.
+
+    `sequence` and `attempt` are those of the request, `session` is the number of this start of the node.
+    """
 
     node: int
     sequence: int
@@ -107,7 +118,11 @@ class Acknowledge(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """Range of one sensor; `attempt` is the trigger that this frame answers."""
+    """Range of one sensor; `attempt` is the trigger that this frame answers.
+
+    `range_m` after REP-117 agrees with `status`; `pings` is how many agreed on it, `spread_m` their standard deviation
+    (nan: one ping). `session` is the number of this start of the node.
+    """
 
     node: int
     sensor: int
@@ -121,7 +136,11 @@ class Reading(NamedTuple):
 
 
 class EchoDetail(NamedTuple):
-    """When (microseconds after the trigger `accepted`) and how strong the echo of one reading was."""
+    """When (microseconds after the trigger `accepted`) and how strong the echo of one reading was.
+
+    `accepted` is the attempt that made the node fire, `amplitude` that of the echo (nan: none); the other numbers are
+    those of the `Reading`.
+    """
 
     node: int
     sensor: int
@@ -134,7 +153,10 @@ class EchoDetail(NamedTuple):
 
 
 class Query(NamedTuple):
-    """Asks every node with this id for its heartbeat."""
+    """Asks every node with this id for its heartbeat.
+
+    A node answers with a `Heartbeat`; `epoch` is the number of this run of the host.
+    """
 
     node: int
     sequence: int
@@ -142,7 +164,11 @@ class Query(NamedTuple):
 
 
 class Heartbeat(NamedTuple):
-    """A node is alive: its state, error counters, firmware version, and which board it is."""
+    """A node is alive: its state, error counters, firmware version, and which board it is.
+
+    `uid` is the board and `session` this start of it: two boards with one id show by them. `tx_errors` and
+    `rx_errors` count frames that could not be sent and bad ones that came, up to 255.
+    """
 
     node: int
     state: NodeState
@@ -155,7 +181,11 @@ class Heartbeat(NamedTuple):
 
 
 class FaultReport(NamedTuple):
-    """Something is wrong in a node; sensor 15 is the node itself."""
+    """Something is wrong in a node; sensor 15 is the node itself.
+
+    `detail` is the length of a bad frame, else 0. `sequence` is 0 outside of a
+    sweep.
+    """
 
     node: int
     sequence: int
@@ -203,7 +233,11 @@ class KitMessage:
 
 
 class KitPulse(NamedTuple):
-    """First half of the kit parameters as they travel."""
+    """First half of the kit parameters as they travel.
+
+    `blanking_us` in microseconds, the rest in the units of the names; limits as in `KitMessage`. It does nothing until
+    the second half has come.
+    """
 
     node: int
     sequence: int
@@ -215,7 +249,10 @@ class KitPulse(NamedTuple):
 
 
 class KitSampling(NamedTuple):
-    """Second half of the kit parameters as they travel."""
+    """Second half of the kit parameters as they travel.
+
+    The two halves belong together by `sequence` and `sensor`; the node acknowledges them both with one answer.
+    """
 
     node: int
     sequence: int

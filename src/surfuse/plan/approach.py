@@ -25,8 +25,9 @@ def approach(
 ) -> FloatArray:
     """Joint positions (M, J) to visit one after the other, the last being the goal; each move straight and clear.
 
-    Tried in this order: the direct move; first joint 1 and then the others, or the reverse; the same ways to a
-    point some centimetres back along the grip axis, from which the grip goes forward to the goal.
+    Tried in this order: the direct move; first joint 1 and then the others, or the reverse; the same ways to a point
+    some centimetres back along the grip axis, from which the grip goes forward to the goal. `start_rad` and `goal_rad`
+    (J,) in rad; distances to obstacles stay above `clearance_min_m`.
 
     Raises
     ------

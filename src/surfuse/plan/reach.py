@@ -23,6 +23,8 @@ class ReachParameters:
     `clearance_min_m`: least distance to obstacles, in m. `singularity_min`: least distance to a singularity, in
     [0, 1] (see `Kinematics.singularity_distance`). `path_resolution_rad`: largest joint angle between the samples
     at which the way between two stops is checked.
+
+    They hold at the stops and, but for the singularities, on the ways between them.
     """
 
     clearance_min_m: float = 0.005
@@ -74,6 +76,9 @@ def reach(
     The whole scan uses one configuration of the arm, the one that reaches most stops (of equals, the one nearest to
     the start): a change of configuration in the middle of a scan is a sweeping motion. Of the stops left, one is
     also dropped when the straight joint move to it from the stop before is not clear.
+
+    In visiting order means that each stop is reached from the one before it. Targets are poses of the tool in the
+    world; `clearance` measures joints (N, J) in rad (None: not checked).
     """
     targets = np.ascontiguousarray(world_from_grip, dtype=np.float64)
     if len(targets) == 0:

@@ -56,6 +56,9 @@ def scan_plan(
 
     What cannot be visited is in `skipped`, each stop with its reason; a part out of reach gives a plan of no stops.
     `outline` of the plan is the enlarged one.
+
+    `start_rad` (J,) in rad. `clearance` measures the distance of the arm at joints (N, J) from all that it must not
+    touch (None: not checked).
     """
     given = parameters.margin_m
     area = scan_area(outline, parameters.step_m) if given is None else enlarged(outline, given)

@@ -24,7 +24,11 @@ def round_ticks(low: float, high: float, about: int = 5) -> list[float]:
 
 @dataclass(frozen=True)
 class AxesFrame:
-    """A plotting area of a drawing: data limits, and its place in SVG units (y downwards)."""
+    """A plotting area of a drawing: data limits, and its place in SVG units (y downwards).
+
+    `x_low` to `x_high` and `y_low` to `y_high` are in the units of the data; `left`, `top`, `width`, `height` are those
+    of the area.
+    """
 
     x_low: float
     x_high: float

@@ -32,7 +32,10 @@ def anchors(name: str) -> list[list[int]]:
 
 
 def colourise(values: npt.ArrayLike, low: float, high: float, name: str = "viridis") -> ByteArray:
-    """Colours (..., 3) uint8 of values, `low` to `high` over the whole map; nan becomes grey."""
+    """Colours (..., 3) uint8 of values, `low` to `high` over the whole map; nan becomes grey.
+
+    `name` is that of a colour scale; values beyond `low` and `high` get the colours of its ends.
+    """
     array = np.asarray(values, dtype=np.float64)
     span = high - low if high > low else 1.0
     share = np.clip((array - low) / span, 0.0, 1.0)

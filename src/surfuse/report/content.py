@@ -48,7 +48,10 @@ def _freeze(record: object, name: str, dtype: npt.DTypeLike, tail: tuple[int, ..
 
 @dataclass(frozen=True)
 class KeyFigure:
-    """One figure of the headline: its name, its value as text with unit, and what it means."""
+    """One figure of the headline: its name, its value as text with unit, and what it means.
+
+    `label` and `value` stand in the headline, `hint` in small type below them (empty: none).
+    """
 
     label: str
     value: str
@@ -71,6 +74,10 @@ class FoundPartView:
     `pixel_aspect` is the width of a pixel over its height; `histogram` counts the 256 grey levels (empty: none).
     `threshold` is the level that the part was found with, `levels` what the methods make of the whole picture.
     `outline` is the part in metres with its standard deviations, `facts` what else is known, each a few words.
+
+    Raises
+    ------
+    DataError : the picture is not grey bytes, the histogram has not 256 levels, or points are not (any, 2).
     """
 
     label: str
@@ -100,7 +107,15 @@ class FoundPartView:
 
 @dataclass(frozen=True)
 class PlanView:
-    """The plan over the outline: polygons (N, 2) and stops (M, 2) in visiting order, as u, v."""
+    """The plan over the outline: polygons (N, 2) and stops (M, 2) in visiting order, as u, v.
+
+    `outline_m` is the outline as the camera saw it and `enlarged_m` what was scanned, both in m in the part frame;
+    `step_m` and `margin_m` are nan where unknown, `margin_text` says why the margin is so wide.
+
+    Raises
+    ------
+    DataError : a polygon or the stops are not (any, 2).
+    """
 
     outline_m: FloatArray
     stops_m: FloatArray
@@ -138,7 +153,10 @@ class NamedMap:
 
 @dataclass(frozen=True)
 class ScoreRow:
-    """Errors of one method against truth; `edge_m` is how far it misplaces the edge of a step (nan: no step)."""
+    """Errors of one method against truth; `edge_m` is how far it misplaces the edge of a step (nan: no step).
+
+    `score` is that of the whole map, in m.
+    """
 
     method: str
     score: Score
@@ -147,7 +165,10 @@ class ScoreRow:
 
 @dataclass(frozen=True)
 class ReportEvent:
-    """Something that happened during the run, with its time of the run (nan: unknown)."""
+    """Something that happened during the run, with its time of the run (nan: unknown).
+
+    `text` is one line for a person; `level` is info, warning or error, `t_s` in s.
+    """
 
     text: str
     level: Level = "info"
@@ -156,7 +177,10 @@ class ReportEvent:
 
 @dataclass(frozen=True)
 class Scenery:
-    """A mesh of the cell that is shown around the scan: vertices (N, 3) in the world frame, triangles (F, 3)."""
+    """A mesh of the cell that is shown around the scan: vertices (N, 3) in the world frame, triangles (F, 3).
+
+    `vertices_m` in m, `faces` are the triangles; `name` is what the page calls it.
+    """
 
     name: str
     vertices_m: FloatArray
@@ -174,6 +198,9 @@ class ReportContent:
     `made` is the date as text. The first of `maps` is the one that the run is about, `rival` another
     method's on the same readings, shown beside it. `points` and `readings`, where
     both are given, describe the same sweeps. `arm_m` (M, K, 3) holds the joint positions (world frame) at each sweep.
+
+    `scene`, `version` and `summary` are texts of the head, `figures` its numbers; `truth` is shown beside the maps
+    where it is known. `configuration_toml` is shown as it is.
     """
 
     title: str

@@ -23,7 +23,10 @@ def _positions(nodes: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def sample(surface: SurfaceMap, u_m: FloatArray, v_m: FloatArray) -> FloatArray:
-    """Heights (R, C) of a map at other nodes, bilinear; nan where a needed node has no value or lies outside."""
+    """Heights (R, C) of a map at other nodes, bilinear; nan where a needed node has no value or lies outside.
+
+    `u_m` (C,) and `v_m` (R,) are in the part frame of the map, in m as the heights are.
+    """
     low_u, share_u = _positions(surface.grid.u_m, u_m)
     low_v, share_v = _positions(surface.grid.v_m, v_m)
     total = np.zeros((len(v_m), len(u_m)))

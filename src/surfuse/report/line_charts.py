@@ -30,7 +30,10 @@ class Series:
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart: titles with units, lines, and the least limits of its y axis."""
+    """A chart: titles with units, lines, and the least limits of its y axis.
+
+    `y_limits` are widened where a line goes beyond them; `x_title` and `y_title` carry the units.
+    """
 
     title: str
     x_title: str

@@ -162,7 +162,11 @@ def stop_positions(points: FusedPoints, readings: Readings | None, world_from_pa
 def stop_data(
     points: FusedPoints, readings: Readings | None, world_from_part: FloatArray, most_readings: int
 ) -> dict[str, object]:
-    """The stops with their fused value, the confidence factors of every sensor and why it was kept out."""
+    """The stops with their fused value, the confidence factors of every sensor and why it was kept out.
+
+    `world_from_part` (4, 4); of more than `most_readings` readings every so many are told. The result
+    is what the page's script reads: lists and numbers, None for what is not finite.
+    """
     stride = stride_for(len(points.sensor), most_readings)
     keep = np.arange(0, len(points), stride)
     size = np.diff(points.start)[keep]

@@ -35,12 +35,18 @@ def map_mesh(
 
 
 def both_windings(vertices_m: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """The mesh twice, the second time turned inside out: single-sided viewers then show it from behind too."""
+    """The mesh twice, the second time turned inside out: single-sided viewers then show it from behind too.
+
+    Vertices (2 V, 3) in m and triangles (2 F, 3), of (V, 3) and (F, 3).
+    """
     return np.concatenate([vertices_m, vertices_m]), np.concatenate([faces, faces[:, ::-1] + len(vertices_m)])
 
 
 def rod(length_m: float, radius_m: float, sides: int = 14) -> tuple[FloatArray, IntArray]:
-    """A closed rod along z from 0 to `length_m`: vertices (2 * sides + 2, 3), triangles."""
+    """A closed rod along z from 0 to `length_m`: vertices (2 * sides + 2, 3), triangles.
+
+    In m; triangles (4 * sides, 3), wound counter-clockwise from outside.
+    """
     angle = 2.0 * np.pi * np.arange(sides) / sides
     ring = radius_m * np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=1)
     top = np.array([0.0, 0.0, length_m])

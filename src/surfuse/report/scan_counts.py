@@ -11,7 +11,10 @@ from surfuse.records import FusedPoints, Gap, Gate, IntArray
 
 @dataclass(frozen=True)
 class ScanCounts:
-    """`gates` (S, number of reasons) counts the readings of each sensor, `gaps` (number of reasons,) the stops."""
+    """`gates` (S, number of reasons) counts the readings of each sensor, `gaps` (number of reasons,) the stops.
+
+    `resets` is the number of stops at which the fusion started afresh.
+    """
 
     gates: IntArray
     gaps: IntArray

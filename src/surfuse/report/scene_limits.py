@@ -9,7 +9,11 @@ from surfuse.errors import ConfigError
 
 @dataclass(frozen=True)
 class SceneLimits:
-    """How much the scene may hold: nodes a surface, surfaces, and moments of the replay."""
+    """How much the scene may hold: nodes a surface, surfaces, and moments of the replay.
+
+    `nodes_max` of a surface beyond which it is thinned out, `surfaces_max` shown at once, `frames_max` moments of the
+    replay.
+    """
 
     nodes_max: int = 2500
     surfaces_max: int = 5

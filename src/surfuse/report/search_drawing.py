@@ -19,7 +19,14 @@ CONTOUR_POINTS = 2000
 
 
 def jpeg(image: ByteArray, longest_px: int) -> bytes:
-    """Grey image as JPEG, made smaller when its longer side is above the limit."""
+    """Grey image as JPEG, made smaller when its longer side is above the limit.
+
+    `image` (H, W) uint8; `longest_px` is the limit.
+
+    Raises
+    ------
+    DataError : the image cannot be written.
+    """
     import cv2
 
     scale = min(1.0, longest_px / max(image.shape))

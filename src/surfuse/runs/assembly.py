@@ -15,7 +15,11 @@ from surfuse.runs.sweep_grouping import estimate_part_frame, grip_poses, group_b
 
 @dataclass(frozen=True, eq=False)
 class SingleReadings:
-    """Readings in the order of time; `stop` (N,) is None when the log does not number its stops."""
+    """Readings in the order of time; `stop` (N,) is None when the log does not number its stops.
+
+    `columns` has N rows; `specs` and `corrections` have one entry a sensor (no corrections at all: none is needed).
+    They are not yet applied.
+    """
 
     specs: tuple[SensorSpec, ...]
     columns: ReadingColumns

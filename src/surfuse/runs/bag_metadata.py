@@ -11,7 +11,10 @@ from surfuse import durable
 
 @dataclass(frozen=True)
 class SegmentSummary:
-    """What rosbag2's metadata says of one file."""
+    """What rosbag2's metadata says of one file.
+
+    `first_ns` and `last_ns` are times of messages (None: there is no message); `message_count` and `types` go by topic.
+    """
 
     name: str
     first_ns: int | None

@@ -68,7 +68,12 @@ class CsvSource:
         return reader
 
     def checked(self, read: Callable[[], list[list[str]]], reader: CsvReader) -> list[list[str]]:
-        """What `read` takes from `reader`, with the errors of the csv module made ours."""
+        """What `read` takes from `reader`, with the errors of the csv module made ours.
+
+        Raises
+        ------
+        DataError : the file is not CSV; names file and line.
+        """
         try:
             return read()
         except csv.Error as error:

@@ -51,7 +51,10 @@ float64[] scatter_m
 
 @dataclass(frozen=True)
 class Definition:
-    """One message type: its full ROS 2 name and its concatenated definition."""
+    """One message type: its full ROS 2 name and its concatenated definition.
+
+    `text` has the definitions of all types that it is made of, in the form that MCAP asks of ros2msg.
+    """
 
     name: str
     text: str

@@ -44,7 +44,12 @@ def log_segments(path: Path) -> list[Path]:
 
 
 def has_segments(path: Path) -> bool:
-    """Whether a run folder or log folder, which must be there, holds any segment."""
+    """Whether a run folder or log folder, which must be there, holds any segment.
+
+    Raises
+    ------
+    DataError : there is no such folder.
+    """
     if not path.is_dir():
         raise DataError("there is no such run folder", where=str(path), cure="give a run folder")
     return any(segment_paths(folder) for folder in (path / "log", path) if folder.is_dir())

@@ -21,7 +21,10 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class LogEvent:
-    """Something that happened: time in s, severity, the stage that says it, and one line of text."""
+    """Something that happened: time in s, severity, the stage that says it, and one line of text.
+
+    `t_s` is the time of the run's clock; `level` says how severe it is.
+    """
 
     t_s: float
     level: Level
@@ -53,6 +56,8 @@ class RunLog:
     """All that a surfuse log holds, in the order of the stops; one sweep a stop, the last complete one.
 
     `damage` tells what was cut off or corrupt; a stop that is missing in `sweeps` for that reason is named there.
+
+    `scene` and `plan` are None where the log ends before them; `frames` are the camera's.
     """
 
     scene: FusionScene | None

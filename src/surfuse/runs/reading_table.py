@@ -73,7 +73,12 @@ class ReadingTable:
 
 
 def with_stop(table: ReadingTable, stop: FloatArray) -> ReadingTable:
-    """The table with numbers of stops (N,), which must be whole."""
+    """The table with numbers of stops (N,), which must be whole.
+
+    Raises
+    ------
+    DataError : a number is not whole, or negative; names its line.
+    """
     wrong = np.flatnonzero(~(np.isfinite(stop) & (stop == np.round(stop)) & (np.abs(stop) < 2.0**53)))
     if len(wrong):
         row = int(wrong[0])

@@ -73,7 +73,10 @@ def beam_rotation(axis: FloatArray) -> FloatArray:
 
 
 def transform(t_s: float, parent: str, child: str, parent_from_child: FloatArray) -> Message:
-    """One geometry_msgs/TransformStamped."""
+    """One geometry_msgs/TransformStamped.
+
+    `parent_from_child` (4, 4) is the pose of the child frame, `t_s` the time of its header in s.
+    """
     x, y, z = parent_from_child[:3, 3].tolist()
     qx, qy, qz, qw = quaternion(parent_from_child[:3, :3])
     return {

@@ -20,6 +20,8 @@ class ScanLog:
     for the user about everything that was repaired, assumed or left out. `targets_uv_m` (M, 2) is where the plan of
     the scan wanted its stops, in the part frame (None: no plan is known). `step_m` is that of the map (None: the
     distance between the stops).
+
+    `outline` is that of the part in its frame (None: unknown); readings deeper than `depth_max_m` do not belong to it.
     """
 
     readings: Readings

@@ -22,7 +22,10 @@ _SIDE_FILES = ("sensors", "frame", "outline")
 
 @dataclass(frozen=True)
 class LogSource:
-    """A log and the side files that were given for it, as the table `source` of a run.toml names them."""
+    """A log and the side files that were given for it, as the table `source` of a run.toml names them.
+
+    `sensors`, `frame` and `outline` are files that win over what the log says (None: the log's own).
+    """
 
     log: Path
     sensors: Path | None = None

@@ -53,7 +53,10 @@ class RangeCorrection:
 
 @dataclass(frozen=True)
 class DescribedSensor:
-    """All that a table of sensors.toml says of a sensor: what it is, and its calibration."""
+    """All that a table of sensors.toml says of a sensor: what it is, and its calibration.
+
+    `correction` is applied to the ranges of the log before they are fused.
+    """
 
     spec: SensorSpec
     correction: RangeCorrection
@@ -171,7 +174,13 @@ def read_frame(path: Path) -> FloatArray:
 
 
 def described_frame(table: Mapping[str, object], where: str) -> FloatArray:
-    """`world_from_part` (4, 4) from the keys origin, u and v of a table; errors as `read_frame`."""
+    """`world_from_part` (4, 4) from the keys origin, u and v of a table; errors as `read_frame`.
+
+    Raises
+    ------
+    ConfigError : a key is missing or is no list of three numbers, or the origin looks like millimetres.
+    DataError : the axes are zero or parallel.
+    """
     refuse_unknown(table, ("origin", "u", "v"), where)
     origin, u, v = (vector(table, key, where) for key in ("origin", "u", "v"))
     if max(map(abs, origin)) > METRES_LIMIT:
@@ -184,6 +193,8 @@ def described_frame(table: Mapping[str, object], where: str) -> FloatArray:
 
 def read_outline(path: Path, world_from_part: FloatArray) -> Outline:
     """The part's outline from a CSV with the columns u and v, in metres, made counter-clockwise.
+
+    `world_from_part` (4, 4) is the part frame in which u and v are meant.
 
     Raises
     ------
@@ -293,7 +304,10 @@ def exact_degrees(angle_rad: float) -> float:
 
 
 def frame_toml(world_from_part: FloatArray) -> str:
-    """Text of a frame.toml that `read_frame` reads back."""
+    """Text of a frame.toml that `read_frame` reads back.
+
+    `world_from_part` (4, 4): origin in m, axes u and v as they are, to the last bit.
+    """
     origin, u, v = world_from_part[:3, 3], world_from_part[:3, 0], world_from_part[:3, 1]
     return "".join(f"{key} = {value.tolist()!r}\n" for key, value in (("origin", origin), ("u", u), ("v", v)))
 

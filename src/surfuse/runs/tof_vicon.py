@@ -35,7 +35,10 @@ TARGET_HALF_M = 0.35
 
 @dataclass(frozen=True)
 class Track:
-    """Poses of one body: times (K,) strictly increasing in s, positions (K, 3), unit quaternions (K, 4) w x y z."""
+    """Poses of one body: times (K,) strictly increasing in s, positions (K, 3), unit quaternions (K, 4) w x y z.
+
+    The quaternions turn vectors of the body into the world; positions in m in the world.
+    """
 
     t_s: FloatArray
     position_m: FloatArray
@@ -50,7 +53,10 @@ class Track:
 
 @dataclass(frozen=True)
 class TofScan:
-    """The scan, and the flat target by motion capture: its centre (3,) and its normal (3,) towards the carrier."""
+    """The scan, and the flat target by motion capture: its centre (3,) and its normal (3,) towards the carrier.
+
+    `target_m` in m; both in the world frame of the motion capture.
+    """
 
     scan: ScanLog
     target_m: FloatArray

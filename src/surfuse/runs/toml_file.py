@@ -70,7 +70,12 @@ def _check(value: object, where: str, keys: tuple[str, ...]) -> None:
 
 
 def refuse_unknown(table: Table, valid: Iterable[str], where: str) -> None:
-    """Raise ConfigError for the first key that is not one of the valid ones, with the nearest of them."""
+    """Raise ConfigError for the first key that is not one of the valid ones, with the nearest of them.
+
+    Raises
+    ------
+    ConfigError : there is such a key; names it and the nearest valid one.
+    """
     names = tuple(valid)
     for key in table:
         if key not in names:
@@ -78,7 +83,12 @@ def refuse_unknown(table: Table, valid: Iterable[str], where: str) -> None:
 
 
 def number(table: Table, key: str, where: str, default: float | None = None) -> float:
-    """A number of a table as float; without a default the key must be there."""
+    """A number of a table as float; without a default the key must be there.
+
+    Raises
+    ------
+    ConfigError : the key is missing, or its value is not a number.
+    """
     if key not in table:
         if default is None:
             raise ConfigError(f"the key '{key}' is missing", where=where, cure=f"add '{key} = <number>'")
@@ -90,7 +100,12 @@ def number(table: Table, key: str, where: str, default: float | None = None) -> 
 
 
 def vector(table: Table, key: str, where: str) -> tuple[float, float, float]:
-    """Three numbers of a table."""
+    """Three numbers of a table.
+
+    Raises
+    ------
+    ConfigError : the key is missing, or its value is not a list of three numbers.
+    """
     value = table.get(key)
     if not isinstance(value, list) or len(value) != 3:
         raise ConfigError(

@@ -51,7 +51,10 @@ class CardScales:
 
     @property
     def joint_from_motor(self) -> FloatArray:
-        """The inverse of `motor_from_joint`."""
+        """The inverse of `motor_from_joint`.
+
+        (J, J): joint angles from the motors' angles, and, transposed, motor torques from joint torques.
+        """
         return np.asarray(np.linalg.inv(self.motor_from_joint), dtype=np.float64)
 
     @property
@@ -61,13 +64,19 @@ class CardScales:
         return size
 
     def counts(self, joints_rad: FloatArray) -> FloatArray:
-        """Absolute counts (6,), not rounded, at joint angles (6,)."""
+        """Absolute counts (6,), not rounded, at joint angles (6,).
+
+        Joint angles in rad.
+        """
         motors = self.motor_from_joint @ (np.asarray(joints_rad) - np.asarray(self.zero_rad))
         counts: FloatArray = motors / np.asarray(self.rad_per_count)
         return counts
 
     def joints(self, counts: FloatArray | IntArray) -> FloatArray:
-        """Joint angles (6,) at absolute counts (6,)."""
+        """Joint angles (6,) at absolute counts (6,).
+
+        In rad.
+        """
         motors = np.asarray(counts, dtype=np.float64) * np.asarray(self.rad_per_count)
         return np.asarray(self.joint_from_motor @ motors + np.asarray(self.zero_rad), dtype=np.float64)
 
@@ -79,7 +88,7 @@ STANDARD_SCALES = CardScales()
 def unwrap(words: IntArray, last_words: IntArray, counts: IntArray) -> None:
     """Carry 16-bit counters on over their overflows: each moved less than half its range since the last reading.
 
-    `counts` and `last_words` (J,) are updated in place.
+    `counts` and `last_words` (J,) are updated in place. `words` (J,) are 16-bit values, 0 to 65535.
     """
     for j in range(words.shape[0]):
         change = (words[j] - last_words[j]) & 0xFFFF
@@ -94,6 +103,9 @@ def converter_words(torque: FloatArray, motor_torque: FloatArray, counts_per_nm:
     """Converter words (J,) for joint torques (J,): power is the same on both sides of the wrist's coupling.
 
     `motor_torque` (J, J) is the transpose of `joint_from_motor`. Torques beyond the converter's range give its ends.
+
+    `torque` in Nm, `counts_per_nm` (J,) with the sign of the converter; words are from 0 to `DAC_FULL`, no torque is
+    `DAC_ZERO`.
     """
     n = torque.shape[0]
     for i in range(n):

@@ -52,7 +52,10 @@ class ServoMemory(NamedTuple):
 
 @dataclass(frozen=True)
 class Ran:
-    """What a `TickLoop` did: ticks, supervision's verdict (about the tick after them), whether all joints arrived."""
+    """What a `TickLoop` did: ticks, supervision's verdict (about the tick after them), whether all joints arrived.
+
+    `code` is `FINE` or as `measure` gives it.
+    """
 
     ticks: int
     code: int = FINE
@@ -146,7 +149,10 @@ class JointServo:
         self._last_words[:] = self._bus.read(reg.ENC_COUNT_BASE, reg.JOINTS)
 
     def set_position(self, joints_rad: FloatArray) -> None:
-        """Say where the joints (J,) are now: from calibration, or from knowledge."""
+        """Say where the joints (J,) are now: from calibration, or from knowledge.
+
+        In rad. The speeds are 0 from then on.
+        """
         self._last_words[:] = self._bus.read(reg.ENC_COUNT_BASE, reg.JOINTS)
         self._counts[:] = np.rint(self._scales.counts(joints_rad)).astype(np.int64)
         self._position[:] = self._scales.joints(self._counts)
@@ -258,7 +264,16 @@ class JointServo:
         return self._law
 
     def tick(self, wanted_rad: FloatArray, wanted_rad_s: FloatArray, wanted_rad_s2: FloatArray) -> None:
-        """One period of the servo."""
+        """One period of the servo.
+
+        Wanted joints (J,) in rad, speeds in rad/s, accelerations in rad/s^2. Looks at the counters first, so that a
+        limit is judged before any torque goes out; then waits for the rest of the period.
+
+        Raises
+        ------
+        SafetyStopError : supervision has found a limit broken, the power is gone, or the heartbeat was late; the
+            power is off then.
+        """
         bus = self._bus
         status = bus.read(reg.STATUS_REG)[0]
         if status == reg.NO_CARD or not status & reg.STATUS_POWER_ON:

@@ -26,6 +26,8 @@ class Supervision:
     twice its size, from full forwards to full backwards; the defaults add an unknown load of 2 kg. `jump_counts`:
     largest change of a counter in one tick. `speed_max_rad_s`: of each joint. `late_share`: longest time between two
     ticks, in periods. `speed_filter_s`: time constant of the measured speed.
+
+    Numbers in SI units; the tuples have one entry for each of the six joints.
     """
 
     following_rad: float = 0.25

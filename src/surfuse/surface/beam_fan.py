@@ -19,6 +19,9 @@ class BeamView:
     """For N beams: range (N,) and incidence (N,) of their axis, and the nearest range (N, K) within each ring angle.
 
     `flat` (N,) says that the beam meets the plane that its axis meets out to 4 degrees, and no other out to 12.
+
+    `axis_range_m` and `nearest_m` in m (+inf: nothing is met), `incidence_rad` (nan: nothing is met). The ring angles
+    are `RINGS_DEG`.
     """
 
     axis_range_m: FloatArray
@@ -28,7 +31,10 @@ class BeamView:
 
 
 def view(caster: RayCaster, origin_m: FloatArray, axis: FloatArray) -> BeamView:
-    """Send fans of rays at a surface; +inf where nothing is met."""
+    """Send fans of rays at a surface; +inf where nothing is met.
+
+    `origin_m` (N, 3) in m and unit `axis` (N, 3) lie in the frame of the mesh.
+    """
     along = caster.ranges(origin_m, axis)
     incidence = np.radians(caster.incidence_deg(origin_m, axis))
     first, second = _across(axis)

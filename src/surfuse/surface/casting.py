@@ -11,7 +11,10 @@ from surfuse.surface.truth import check_mesh
 
 
 class RayCaster:
-    """A mesh (V, 3), (F, 3) that rays can be sent at; Embree finds the triangle, double precision the range."""
+    """A mesh (V, 3), (F, 3) that rays can be sent at; Embree finds the triangle, double precision the range.
+
+    The mesh is in m, in a frame of its own, which is that of all rays.
+    """
 
     def __init__(self, vertices_m: FloatArray, faces: IntArray) -> None:
         check_mesh(vertices_m, faces)
@@ -34,7 +37,10 @@ class RayCaster:
         return found
 
     def incidence_deg(self, origin_m: FloatArray, direction: FloatArray) -> FloatArray:
-        """Angle (N,) between the rays and the normal of the triangle that they meet first; nan without any."""
+        """Angle (N,) between the rays and the normal of the triangle that they meet first; nan without any.
+
+        Origins (N, 3) in m, unit directions (N, 3); from 0, facing, to 90 degrees, whichever side is met.
+        """
         hit = self._hits(origin_m, direction)
         angle, met = np.full(len(origin_m), np.nan), np.flatnonzero(hit >= 0)
         a, b, c = np.moveaxis(self._corners[hit[met]], 1, 0)
@@ -44,7 +50,10 @@ class RayCaster:
         return angle
 
     def normals(self, origin_m: FloatArray, direction: FloatArray) -> FloatArray:
-        """Unit normal (N, 3) of the triangle that each ray meets first; nan without any."""
+        """Unit normal (N, 3) of the triangle that each ray meets first; nan without any.
+
+        Origins (N, 3) in m, unit directions (N, 3).
+        """
         hit = self._hits(origin_m, direction)
         found, met = np.full((len(origin_m), 3), np.nan), np.flatnonzero(hit >= 0)
         a, b, c = np.moveaxis(self._corners[hit[met]], 1, 0)

@@ -38,6 +38,10 @@ def extended_grid(grid: MapGrid, low_uv_m: FloatArray, high_uv_m: FloatArray) ->
 
     The nodes of the grid stay where they are. An axis of a single node takes the step of the other; a grid of a single
     node is not continued.
+
+    Raises
+    ------
+    DataError : the grid would have more than `MOST_NODES` nodes.
     """
     steps = [float(np.median(np.diff(nodes))) for nodes in (grid.u_m, grid.v_m) if len(nodes) > 1]
     axes = []
@@ -68,7 +72,14 @@ def _too_far(steps: int) -> DataError:
 
 
 def refined(grid: MapGrid, factor: int) -> MapGrid:
-    """The grid with `factor` times as many steps along both axes; its own nodes stay nodes."""
+    """The grid with `factor` times as many steps along both axes; its own nodes stay nodes.
+
+    An axis of a single node stays as it is.
+
+    Raises
+    ------
+    DataError : `factor` is below 1.
+    """
     if factor < 1:
         raise DataError(f"a grid cannot be refined {factor} times", cure="give a factor >= 1")
 

@@ -19,7 +19,11 @@ BELONGS_M = 0.10
 
 @dataclass(frozen=True)
 class IncidenceError:
-    """Ranges minus distances along the axis for one band of incidence: median, robust scatter, echoes."""
+    """Ranges minus distances along the axis (m) for one band of incidence.
+
+    The band reaches from `low_deg` to `high_deg`; `scatter_m` is the robust standard deviation about the median,
+    `echoes` says of how many.
+    """
 
     low_deg: float
     high_deg: float
@@ -35,6 +39,8 @@ def errors_by_incidence(
 
     With a lag other than 0 the offset that all ranges share (their median error) is taken out too. With `beams` the
     range of an optical sensor is compared with the mean over its beam instead of the distance along its axis.
+
+    `mesh` are vertices (V, 3) in m and triangles (F, 3). Bands with fewer than `LEAST_ECHOES` are left out.
     """
     rows = np.flatnonzero((readings.status == int(Status.OK)) & np.isfinite(readings.range_m))
     place, axis = (values[rows] for values in moved_poses(readings, lag_s))
@@ -75,7 +81,10 @@ def _expected(
 
 @dataclass(frozen=True)
 class PlaneError:
-    """A plane fitted to echoes against the true one: angle between the normals (rad), distance at the centre (m)."""
+    """A plane fitted to echoes against the true one: angle between the normals (rad), distance at the centre (m).
+
+    `echoes` says how many of them the plane rests on.
+    """
 
     angle_rad: float
     distance_m: float
@@ -89,6 +98,8 @@ def fitted_plane(
 
     Total least squares, repeated without what is farther than 3 robust sigma; None with fewer than 20 echoes. The
     distance counts from the centre of the mesh, positive on the side of the sensors.
+
+    `mesh` are vertices (V, 3) in m and triangles (F, 3); `rounds` bounds the repetitions.
     """
     rows = np.flatnonzero((readings.status == int(Status.OK)) & np.isfinite(readings.range_m))
     place, axis = (values[rows] for values in moved_poses(readings, lag_s))

@@ -39,6 +39,8 @@ def fit_planes(points_m: FloatArray, tile: IntArray, scale_m: float | None = Non
     """Fit w = a + b u + c v in every tile, by least absolute deviations first, then with Cauchy weights.
 
     `scale_m` is the standard deviation of the good points (None: 1.4826 times the median absolute residual).
+
+    `points_m` (N, 3) are (u, v, w) in m, `tile` (N,) is the number of each point's tile.
     """
     design = np.column_stack([np.ones(len(points_m)), points_m[:, :2] - np.median(points_m[:, :2], axis=0)])
     enough = (np.bincount(tile, minlength=int(tile.max()) + 1) >= LEAST_IN_TILE)[tile]
@@ -54,7 +56,10 @@ def fit_planes(points_m: FloatArray, tile: IntArray, scale_m: float | None = Non
 
 
 def without_planes(values: FloatArray, points_m: FloatArray, weight: FloatArray, tile: IntArray) -> FloatArray:
-    """What is left of values (N,) when planes over the tiles have taken up all that they can."""
+    """What is left of values (N,) when planes over the tiles have taken up all that they can.
+
+    `points_m` (N, 3) in m give the places, `weight` (N,) those of the fit, `tile` (N,) the number of each point's tile.
+    """
     design = np.column_stack([np.ones(len(points_m)), points_m[:, :2] - np.median(points_m[:, :2], axis=0)])
     return _less_planes(design, values, weight, tile)[0]
 

@@ -57,7 +57,12 @@ def error_map(surface: SurfaceMap, truth: SurfaceMap) -> FloatArray:
 
 
 def aligned(truth: SurfaceMap, grid: MapGrid) -> SurfaceMap:
-    """Truth on the grid, continued over the whole true part; as it is when it lies on such a grid already."""
+    """Truth on the grid, continued over the whole true part; as it is when it lies on such a grid already.
+
+    Raises
+    ------
+    DataError : the truth has no cell with a value, or the grid becomes too large.
+    """
     if place_in(truth.grid, grid) is not None:
         return truth
     row, column = np.nonzero(truth.mask)
@@ -69,7 +74,14 @@ def aligned(truth: SurfaceMap, grid: MapGrid) -> SurfaceMap:
 
 
 def spread_over(surface: SurfaceMap, grid: MapGrid) -> tuple[BoolArray, FloatArray]:
-    """Mask and height (R, C) of a map on a grid that contains its nodes as a block."""
+    """Mask and height (R, C) of a map on a grid that contains its nodes as a block.
+
+    In m; nan and False where the map has no node.
+
+    Raises
+    ------
+    DataError : the nodes of the map are not among those of the grid.
+    """
     place = place_in(grid, surface.grid)
     if place is None:
         raise DataError("the grid does not contain the nodes of the map", cure="continue the map's own grid")
@@ -84,6 +96,8 @@ class EdgeError:
     """Where a map puts a step, against truth: signed errors (K,) in m, one a true crossing of a line of the map.
 
     Positive: the higher side reaches out too far. nan: the map does not cross the level there.
+
+    `level_m` is the height at which the step was looked for, in the part frame.
     """
 
     error_m: FloatArray
@@ -110,7 +124,8 @@ class EdgeError:
 def crossings(position_m: FloatArray, height_m: FloatArray, level_m: float) -> tuple[FloatArray, FloatArray]:
     """Where a profile (N,) crosses a level between neighbouring values, and +1 where it rises there, -1 where it falls.
 
-    Linear between neighbours; a gap (nan) is not bridged.
+    Linear between neighbours; a gap (nan) is not bridged. `position_m` (N,) increasing; both results are (K,) for K
+    crossings, in the order of the profile.
     """
     above = np.where(np.isfinite(height_m), (height_m > level_m).astype(np.float64), np.nan)
     change = np.diff(above)
@@ -120,7 +135,14 @@ def crossings(position_m: FloatArray, height_m: FloatArray, level_m: float) -> t
 
 
 def middle_level(truth: SurfaceMap) -> float:
-    """Half height between the two levels of a stepped truth: mean of the medians above and below its middle height."""
+    """Half height between the two levels of a stepped truth: mean of the medians above and below its middle height.
+
+    In m along w of the truth's part frame.
+
+    Raises
+    ------
+    DataError : the truth has no cell with a value.
+    """
     heights = truth.height_m[truth.mask]
     if len(heights) == 0:
         raise DataError("the truth has no cell with a value", cure="check the frame of the truth")
@@ -137,6 +159,10 @@ def edge_error(
     the true profile on it, the map's nearest crossing in the same sense. Truth must lie in the map's part frame; its
     grid should be finer than the map's along the axis (see `refined`), for its own steps bound the accuracy. Of the
     lines across, the nearest one of truth is taken.
+
+    Raises
+    ------
+    DataError : the part frames differ, or the truth has no cell with a value.
     """
     if not np.allclose(truth.grid.world_from_part, surface.grid.world_from_part, rtol=0.0, atol=SAME_M):
         raise DataError("map and truth lie in different part frames", cure="take truth on a refined grid of the map")

@@ -25,6 +25,9 @@ class Facing:
     """Range = offset + scale x distance: offsets (S,) in m (nan: that sensor has too few), scale, sigma.
 
     `scale_sigma` is the standard deviation of the scale; `scale` is nan when the distances do not determine it.
+
+    `offset_sigma_m` (S,) are the standard deviations of the offsets, `sigma_m` is that of one echo, `echoes` the number
+    of those that count.
     """
 
     offset_m: FloatArray
@@ -40,6 +43,8 @@ class Late:
     """Corrected ranges minus axis ranges by tilt: middle of each band (K,) in rad, bias and scatter in m, echoes.
 
     The bias is their location under the heavy-tailed errors that the beam-aware fusion reckons with.
+
+    All (K,): `bias_m` and `scatter_m` in m, `echoes` in each band.
     """
 
     tilt_rad: FloatArray
@@ -50,7 +55,10 @@ class Late:
 
 @dataclass(frozen=True)
 class Capture:
-    """Half the angle within which a nearer surface is heard, its interval (rad), and the readings that say so."""
+    """Half the angle within which a nearer surface is heard, its interval (rad), and the readings that say so.
+
+    `low_rad` and `high_rad` bound the interval of `angle_rad`; `echoes` are readings beside a step.
+    """
 
     angle_rad: float
     low_rad: float
@@ -60,6 +68,8 @@ class Capture:
 
 def fit_facing(seen: BeamView, range_m: FloatArray, sensor: IntArray, sensors: int) -> Facing:
     """Offset of each sensor, common scale and sigma, from echoes of flat surfaces within 3 degrees of facing.
+
+    `range_m` and `sensor` (N,) go with the N beams of `seen`; there are S sensors.
 
     Raises
     ------
@@ -100,6 +110,8 @@ def fit_facing(seen: BeamView, range_m: FloatArray, sensor: IntArray, sensors: i
 def fit_late(seen: BeamView, corrected_m: FloatArray) -> Late:
     """Bias and scatter of ranges about the axis range of flat surfaces, in bands of 5 degrees of tilt.
 
+    `corrected_m` (N,) are ranges in m without offset and scale, one for each beam of `seen`.
+
     Raises
     ------
     DataError : no band beyond the facing one has 20 echoes.
@@ -131,6 +143,8 @@ def fit_capture(seen: BeamView, corrected_m: FloatArray) -> Capture:
 
     Every reading beside a step knows the angle under which the nearer surface begins, and heard it or did not: the
     angle that contradicts the fewest readings. The interval holds all angles that contradict at most two more.
+
+    `corrected_m` (N,) are ranges in m without offset and scale, one for each beam of `seen`.
 
     Raises
     ------

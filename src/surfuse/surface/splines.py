@@ -28,6 +28,10 @@ def spline_surface(surface: SurfaceMap, smoothing: float = 1.0, refine: int = 1)
     `refine` evaluates it on a grid so many times finer. Only nodes within the convex hull of the data get a value.
     Those between data have regime PRIOR, count 0 and confidence 0. sigma is that of the nearest measured node, with
     the spline's own residual there added in squares. A map without data stays empty.
+
+    Raises
+    ------
+    DataError : `smoothing` is negative or not finite, or `refine` is below 1.
     """
     if not (np.isfinite(smoothing) and smoothing >= 0.0) or refine < 1:
         raise DataError(

@@ -13,7 +13,11 @@ from surfuse.records import FloatArray, SurfaceMap
 
 @dataclass(frozen=True)
 class ArealParameters:
-    """Heights in m; `sdq` a slope (m/m), `sdr` a ratio (0.05 is 5 %), skewness and kurtosis without unit."""
+    """Heights in m; `sdq` a slope (m/m), `sdr` a ratio (0.05 is 5 %), skewness and kurtosis without unit.
+
+    `sa_m`, `sq_m` are mean and root mean square height, `ssk` skewness, `sku` kurtosis, `sp_m`, `sv_m`, `sz_m` highest
+    peak, deepest pit and their sum, `sdq` root mean square gradient, `sdr` developed area over projected area less 1.
+    """
 
     sa_m: float
     sq_m: float

@@ -36,6 +36,9 @@ class Lag:
     """Lag in s with its 95 % interval, the scatter of the residuals before (lag 0) and after, and what it rests on.
 
     `surface` says what the residuals were taken against.
+
+    `low_s` and `high_s` bound the interval of `lag_s`; `before_m` and `after_m` are robust standard deviations,
+    `echoes` says on how many the lag rests.
     """
 
     lag_s: float

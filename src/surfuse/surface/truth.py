@@ -37,7 +37,14 @@ def read_truth_mesh(path: Path) -> tuple[FloatArray, IntArray]:
 
 
 def check_mesh(vertices_m: FloatArray, faces: IntArray, where: str = "truth") -> None:
-    """Refuse a mesh that no ray can meet."""
+    """Refuse a mesh that no ray can meet.
+
+    `vertices_m` (V, 3) in m, `faces` (F, 3); `where` names the file in the message.
+
+    Raises
+    ------
+    DataError : there are no triangles, or one has a vertex that is not finite.
+    """
     if len(faces) == 0 or len(vertices_m) == 0:
         raise DataError("the mesh has no triangles", cure="give a surface mesh", where=where)
     if not np.all(np.isfinite(vertices_m[np.unique(faces)])):
@@ -49,6 +56,8 @@ def truth_from_mesh(vertices_m: FloatArray, faces: IntArray, grid: MapGrid) -> S
 
     The mesh is in the world frame of the readings. Nodes that no ray meets are masked; a node on the rim of the mesh
     belongs to it. Heights are computed in double precision on the triangle that was hit. sigma is 0: truth.
+
+    `vertices_m` (V, 3) in m, `faces` (F, 3).
     """
     check_mesh(vertices_m, faces)
     part = transform_points(inverse(grid.world_from_part), vertices_m)
@@ -105,7 +114,10 @@ def _truth_map(height: FloatArray, grid: MapGrid) -> SurfaceMap:
 
 
 def truth_around(vertices_m: FloatArray, faces: IntArray, grid: MapGrid) -> SurfaceMap:
-    """Truth on the grid of a map, continued over the whole true part: what a map is scored against."""
+    """Truth on the grid of a map, continued over the whole true part: what a map is scored against.
+
+    `vertices_m` (V, 3) in m, `faces` (F, 3), both in the world frame. The nodes of the map are nodes of the truth.
+    """
     check_mesh(vertices_m, faces)
     part = transform_points(inverse(grid.world_from_part), vertices_m[np.unique(faces)])[:, :2]
     return truth_from_mesh(vertices_m, faces, extended_grid(grid, part.min(axis=0), part.max(axis=0)))

@@ -66,7 +66,12 @@ def table_of(attribute: str, surfaces: Mapping[Material, Surface] = MATERIALS) -
 
 
 def with_roughness(part_roughness: float) -> dict[Material, Surface]:
-    """`MATERIALS` with another part: roughness 0 is a mirror, 0.35 the default, 1 almost fully diffuse."""
+    """`MATERIALS` with another part: roughness 0 is a mirror, 0.35 the default, 1 almost fully diffuse.
+
+    Raises
+    ------
+    ConfigError : the roughness is not from 0 to 1.
+    """
     if not 0.0 <= part_roughness <= 1.0:
         raise ConfigError(f"part roughness = {part_roughness}", cure="give 0 (mirror) to 1 (diffuse)")
     usual = MATERIALS[Material.PART]

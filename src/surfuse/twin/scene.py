@@ -20,7 +20,10 @@ _GRAZING = 1e-6
 
 @dataclass(frozen=True)
 class SceneBody:
-    """One rigid thing: vertices (V, 3) in m in its own frame, triangles (F, 3) wound counter-clockwise from outside."""
+    """One rigid thing: vertices (V, 3) in m in its own frame, triangles (F, 3) wound counter-clockwise from outside.
+
+    `world_from_body` (4, 4) puts it into the world; `material` is that of all its triangles.
+    """
 
     vertices_m: FloatArray
     triangles: IntArray

@@ -65,6 +65,8 @@ class CardParameters:
     """`watchdog_s`: time without a change of the watchdog bit after which the card cuts the power.
 
     `index_phase`: absolute count (J,) of one index pulse of every motor.
+
+    `potentiometers`: what the start-up calibration reads.
     """
 
     watchdog_s: float = 5e-3
@@ -305,7 +307,10 @@ class SimulatedCard:
 def absolute_counts(
     q: FloatArray, zero: FloatArray, motor_from_joint: FloatArray, per_count: FloatArray, counts: IntArray
 ) -> None:
-    """Write the absolute counts (J,) of the motors at joints (J,)."""
+    """Write the absolute counts (J,) of the motors at joints (J,).
+
+    `q` and `zero` (J,) in rad, `motor_from_joint` (J, J), `per_count` (J,) in rad; rounded to the nearest count.
+    """
     for i in range(q.shape[0]):
         motor = 0.0
         for j in range(q.shape[0]):
@@ -315,14 +320,21 @@ def absolute_counts(
 
 @compiled
 def shown_words(absolute: IntArray, offset: IntArray, frozen: IntArray, words: IntArray) -> None:
-    """Write what the 16-bit counters (J,) show; those that are stuck show what they did."""
+    """Write what the 16-bit counters (J,) show; those that are stuck show what they did.
+
+    `absolute` and `offset` (J,) in counts, `frozen` (J,) the word that a stuck counter shows, -1 where none is stuck;
+    `words` (J,) from 0 to 65535 are written.
+    """
     for j in range(words.shape[0]):
         words[j] = frozen[j] if frozen[j] >= 0 else (absolute[j] + offset[j]) & 0xFFFF
 
 
 @compiled
 def joint_torques(words: IntArray, torque_per_word: FloatArray, torque: FloatArray) -> None:
-    """Write the joint torques (J,) of converter words (J,)."""
+    """Write the joint torques (J,) of converter words (J,).
+
+    In Nm; `torque_per_word` (J, J) in Nm holds the coupling of the wrist. The word `DAC_ZERO` gives none.
+    """
     for i in range(torque.shape[0]):
         total = 0.0
         for j in range(torque.shape[0]):
@@ -332,7 +344,10 @@ def joint_torques(words: IntArray, torque_per_word: FloatArray, torque: FloatArr
 
 @compiled
 def passed_index(before: IntArray, after: IntArray, phase: IntArray, turn: IntArray) -> bool:
-    """Whether any motor has passed an index pulse."""
+    """Whether any motor has passed an index pulse.
+
+    All (J,), in counts: the place at the tick before and now, the place of one pulse, and the counts of a turn.
+    """
     for j in range(before.shape[0]):
         low, high = min(before[j], after[j]), max(before[j], after[j])
         if (high - phase[j]) // turn[j] != (low - phase[j]) // turn[j]:

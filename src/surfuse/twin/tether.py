@@ -30,7 +30,10 @@ _RETRY_S = 0.2
 
 @dataclass(frozen=True)
 class Place:
-    """Stop (stage, index), simulated time, and the true pose (4, 4) of the grip in the world."""
+    """Stop (stage, index), simulated time, and the true pose (4, 4) of the grip in the world.
+
+    `t_s` is the simulated time; `world_from_grip` is the truth, not what the arm measures.
+    """
 
     stage: str
     index: int

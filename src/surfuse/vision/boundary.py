@@ -27,6 +27,8 @@ class Boundary:
 
     A hole's contour runs over the pixels of the region around it. `area_px` counts pixels without those of holes;
     `touches_border` says that the region reaches the edge of the picture.
+
+    `centroid_px` (2,) is that of the region's pixels, x and y.
     """
 
     contour_px: FloatArray

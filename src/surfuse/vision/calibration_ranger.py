@@ -18,7 +18,10 @@ _PAIR_TURN_MIN_RAD = math.radians(2.0)
 
 @dataclass(frozen=True)
 class ShoulderRanger:
-    """Place of the ranger in the shoulder frame: x and y (2,) with standard deviations (2,), and the fit's rms, m."""
+    """Place of the ranger in the shoulder frame: x and y (2,) with standard deviations (2,), and the fit's rms, m.
+
+    `forward_left_m` and `sigma_m` (2,) along the shoulder's x and y; `rms_m` is over all `ranges`.
+    """
 
     forward_left_m: FloatArray
     sigma_m: FloatArray

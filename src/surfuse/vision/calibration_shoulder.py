@@ -50,6 +50,9 @@ class ShoulderCamera:
 
     `sigma` (6,) are standard deviations of the camera's place along the shoulder's x, y, z (m), then of its turn about
     them (rad).
+
+    Both poses are (4, 4). `reprojection_px` is the root mean square over all corners, `per_view_px` (V,) that of each
+    picture.
     """
 
     shoulder_from_camera: FloatArray

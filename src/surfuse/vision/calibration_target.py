@@ -62,7 +62,11 @@ class Target:
 
 @dataclass(frozen=True)
 class TargetView:
-    """A target seen: inner corners (K, 2) px with their numbers (K,), and the width of its edges in pixels."""
+    """A target seen: inner corners (K, 2) px with their numbers (K,), and the width of its edges in pixels.
+
+    `name` is that of the picture. Corners are x, y; a corner's number says which of the target's it
+    is.
+    """
 
     name: str
     corners_px: FloatArray
@@ -72,7 +76,10 @@ class TargetView:
 
 @dataclass(frozen=True)
 class NotSeen:
-    """A picture without a usable target, and why."""
+    """A picture without a usable target, and why.
+
+    `name` is that of the picture; the reason is a sentence for a person.
+    """
 
     name: str
     reason: str

@@ -52,6 +52,8 @@ class ShoulderRange:
     """One range of the shoulder ranger: from where (3,), along which unit axis (3,), how far, and how certain.
 
     A range that is not finite (no echo, too close, faulty) says nothing about the distance.
+
+    `position_m` in m and `axis` are in the world; `range_m` and `sigma_m` in m.
     """
 
     position_m: FloatArray

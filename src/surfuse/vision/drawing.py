@@ -66,7 +66,12 @@ def outline_overlay(
 
 
 def encoded_png(picture: ByteArray) -> bytes:
-    """A picture (H, W) or (H, W, 3), blue first, as the content of a PNG file."""
+    """A picture (H, W) or (H, W, 3), blue first, as the content of a PNG file.
+
+    Raises
+    ------
+    DataError : the picture is not one of bytes, or has another shape.
+    """
     done, content = cv2.imencode(".png", picture)
     if not done:
         raise DataError(f"a picture of shape {picture.shape} cannot be written as PNG", cure="give bytes")

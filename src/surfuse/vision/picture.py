@@ -54,6 +54,10 @@ def grey(picture: npt.NDArray[np.generic]) -> ByteArray:
 
     Bytes keep their values; anything else is stretched from its smallest to its largest value. Colour becomes luma.
     Transparent places show black or white, whichever is farther from the mean of what is visible.
+
+    Raises
+    ------
+    DataError : the array has another shape, or is smaller or larger than a picture may be.
     """
     if picture.ndim == 3 and picture.shape[2] == 1:
         picture = picture[:, :, 0]

@@ -12,7 +12,14 @@ from surfuse.vision.rays import world_rays
 
 
 def viewing_direction(frame: CameraFrame) -> FloatArray:
-    """Unit horizontal direction (3,) in which the camera looks."""
+    """Unit horizontal direction (3,) in which the camera looks.
+
+    In the world; the optical axis, laid into the horizontal.
+
+    Raises
+    ------
+    DataError : the camera looks straight up or down.
+    """
     axis = frame.world_from_camera[:3, 2]
     level = math.hypot(axis[0], axis[1])
     if level < 0.1:
@@ -21,7 +28,14 @@ def viewing_direction(frame: CameraFrame) -> FloatArray:
 
 
 def on_plane(frame: CameraFrame, pixels: FloatArray, forward: FloatArray) -> FloatArray:
-    """Where rays (N, 2 px) meet the plane one metre ahead: right and up (N, 2) from the point straight ahead."""
+    """Where rays (N, 2 px) meet the plane one metre ahead: right and up (N, 2) from the point straight ahead.
+
+    In units of the distance, which is one metre here; `forward` (3,) is the unit direction ahead, in the world.
+
+    Raises
+    ------
+    DataError : a ray does not reach the plane.
+    """
     rays = world_rays(frame.camera, frame.world_from_camera, pixels)
     ahead = rays @ forward
     if np.any(ahead <= 1e-6):

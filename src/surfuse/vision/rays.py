@@ -21,7 +21,11 @@ def camera_rays(camera: CameraModel, pixels: FloatArray) -> FloatArray:
 
 
 def world_rays(camera: CameraModel, world_from_camera: FloatArray, pixels: FloatArray) -> FloatArray:
-    """Rays (N, 3) in the world frame, scaled to one metre along the optical axis."""
+    """Rays (N, 3) in the world frame, scaled to one metre along the optical axis.
+
+    `world_from_camera` (4, 4); `pixels` (N, 2) are x, y, lens distortion is taken out. They are directions: the
+    camera's place is not part of them.
+    """
     return rotate_vectors(world_from_camera, camera_rays(camera, pixels))
 
 

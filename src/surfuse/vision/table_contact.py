@@ -23,7 +23,10 @@ def foot_points(camera: CameraModel, contour_px: FloatArray, vertices: IntArray)
 
 
 def cut_below(camera: CameraModel, contour_px: FloatArray) -> bool:
-    """Whether the picture's lower border may hide the foot."""
+    """Whether the picture's lower border may hide the foot.
+
+    `contour_px` (N, 2) are x, y in pixels, y downwards.
+    """
     return bool(contour_px[:, 1].max() >= camera.height_px - 2)
 
 

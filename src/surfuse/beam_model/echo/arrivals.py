@@ -30,7 +30,11 @@ class Cells(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """A height raster (R, C) over its cells: slopes, curvatures (1/m), and where rims are (R, C, 2), see `slopes`."""
+    """A height raster (R, C) in m over its cells, with what the arrivals need of it.
+
+    `slope_u`, `slope_v` (R, C) are dw/du and dw/dv, `bend_u`, `bend_v` (R, C) the curvatures in 1/m, `rim` (R, C, 2) is
+    where a rim lies beside its node in m; see `slopes`.
+    """
 
     height: FloatArray
     slope_u: FloatArray
@@ -69,9 +73,10 @@ class Hearing(NamedTuple):
 
 
 class Facet(NamedTuple):
-    """One cell as a station sees it: way to its node, slopes, and the squared distance along u and v.
+    """One cell as a station sees it.
 
-    `pull` and `stiff` are half the first and second derivative of the squared distance at the node.
+    (`x`, `y`, `z`) is the way from the station to the node in m, along u, v and w. `pull` (m) and `stiff` (no unit) are
+    half the first and second derivative of the squared distance at the node, along u and along v.
     """
 
     x: float
@@ -87,7 +92,10 @@ class Facet(NamedTuple):
 
 @compiled
 def lookup(table: FloatArray, x: float) -> float:
-    """Linear interpolation in a table over 0, 1, 2, ... (held at both ends; inf where a neighbour is inf)."""
+    """Linear interpolation in a table over 0, 1, 2, ... (held at both ends; inf where a neighbour is inf).
+
+    `table` (K,); `x` is a place in it, in entries.
+    """
     if x <= 0.0:
         return float(table[0])
     k = int(x)
@@ -115,7 +123,11 @@ def _newton(pull: float, stiff: float, limit: float) -> float:
 
 @inlined
 def window(station: FloatArray, rng: float, wide: float, cells: Cells) -> tuple[int, int, int, int]:
-    """First and last row, first and last column of the cells within `wide` of where the axis is at a range."""
+    """First and last row, first and last column of the cells within `wide` of where the axis is at a range.
+
+    `station` (6,) is position (m) and unit axis in the part frame; `rng` and `wide` are in m. The rows and columns are
+    held within the raster; the last one is part of the window.
+    """
     rows, cols = cells.domain.shape
     u0, v0, g = cells.u0, cells.v0, cells.g
     cx, cy = station[0] + station[3] * rng, station[1] + station[4] * rng
@@ -141,6 +153,8 @@ def _nearest_patch(
     """Range of the nearest patch that answers before the axis: uphill in the plane of incidence, on the part.
 
     At the off-axis angle d the tilted plane is at t cos(tilt) / cos(tilt - d).
+
+    `station` (6,) is position and axis; `t` is the range of the axis, `late` (m) how much earlier than it the echo is.
     """
     ax, ay, az = station[3], station[4], station[5]
     n = np.sqrt(1.0 + slope_u * slope_u + slope_v * slope_v)
@@ -299,7 +313,13 @@ def _from_rim(
 def predict_one(
     station: FloatArray, rng: float, level: float, surface: Surface, ear: Hearing
 ) -> tuple[float, int, int, int, float, float]:
-    """First arrival at one station: range (m; inf: nothing heard), kind, row, column, d range / d height, scatter."""
+    """First arrival at one station: range (m; inf: nothing heard), kind, row, column, d range / d height, scatter.
+
+    `station` (6,) is position (m) and unit axis in the part frame. `rng` (m) is what was measured: only cells about
+    that range are looked at. `level` is the logarithm of amplitude over threshold, nan for readings without amplitude.
+    `kind` is NONE, SPECKLE, MIRROR or RIM; row and column, that of the cell that is heard, are -1 where there is none.
+    The scatter (m) is that of the model alone.
+    """
     best, bj, bi, gain, spread = at_axis(station, rng, level, surface, ear)
     kind = SPECKLE if bj >= 0 else NONE
     if ear.optical:

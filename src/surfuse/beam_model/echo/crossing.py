@@ -12,9 +12,11 @@ from surfuse.records import FloatArray
 
 @compiled
 def first_crossings(impulse: FloatArray, burst: int, pole: float, threshold: float) -> tuple[FloatArray, FloatArray]:
-    """First crossing (in bins, fractional; nan: none) and peak of the filtered envelope of each row.
+    """First crossing (K,) of a threshold, in bins, and peak (K,) of the filtered envelope of each of K echoes.
 
-    `impulse` (K, B, 2) complex echo by range bin; the burst is a boxcar of `burst` bins, the transducer a single pole.
+    `impulse` (K, B, 2) is the complex echo by range bin; the burst is a boxcar of `burst` bins, the transducer a single
+    pole that takes up the share `pole` of the difference at every bin. `threshold` and peaks are in units of the sum.
+    Crossings lie between bins, by linear interpolation; nan where the envelope stays below.
     """
     rows, bins, _ = impulse.shape
     crossing = np.full(rows, np.nan)

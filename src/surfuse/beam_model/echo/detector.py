@@ -65,6 +65,9 @@ class BeamTable:
     angle; `wavelength_m`; `speckle_m`, `scatter_m` (tilts, levels + 1) location and scale of range minus axis range,
     the last column for readings without amplitude; `level` (tilts,) the median amplitude. `speed_share` is how
     uncertain the speed of sound is, the same for all readings.
+
+    `rise_m` is the time constant of the envelope in m of range, `threshold` that of the detector relative to a facing
+    plate, `rim_speckle` the speckle amplitude that competes with a rim; `optical` sensors hear on their axis alone.
     """
 
     directivity: FloatArray
@@ -83,21 +86,33 @@ class BeamTable:
 
 
 def piston(ka: float, angle_rad: FloatArray) -> FloatArray:
-    """One-way amplitude of a circular piston, 1 on the axis: 2 J1(x) / x with x = ka sin(angle)."""
+    """One-way amplitude of a circular piston, 1 on the axis: 2 J1(x) / x with x = ka sin(angle).
+
+    `angle_rad` of any shape. `ka` is the wave number times the radius of the aperture. Formula: the far field of a
+    rigid piston in a baffle (Kinsler and others, Fundamentals of Acoustics).
+    """
     x = ka * np.sin(angle_rad)
     safe = np.where(np.abs(x) < 1e-9, 1.0, x)
     return np.where(np.abs(x) < 1e-9, 1.0, 2.0 * j1(safe) / safe)
 
 
 def rise_delay(amplitude: FloatArray, threshold: float, rise_m: float) -> FloatArray:
-    """How much later (m of range) an echo of this peak amplitude crosses the threshold than one of amplitude 1."""
+    """How much later (m of range) an echo of this peak amplitude crosses the threshold than one of amplitude 1.
+
+    Of any shape; inf for amplitudes within 2 % of the threshold and below. `threshold` is relative to an amplitude of
+    1, `rise_m` the time constant of the envelope in m of range: it rises as 1 - exp(-x / rise).
+    """
     ratio = np.clip(threshold / np.maximum(amplitude, 1e-12), 0.0, 1.0 - 1e-6)
     delay = -rise_m * np.log1p(-ratio) + rise_m * np.log1p(-threshold)
     return np.where(amplitude > 1.02 * threshold, delay, np.inf)
 
 
 def half_plane(distance_m: FloatArray, range_m: FloatArray, wavelength_m: float) -> FloatArray:
-    """Amplitude of a facing half plane whose edge is `distance_m` beside the axis (negative: it covers the axis)."""
+    """Amplitude of a facing half plane whose edge is `distance_m` beside the axis (negative: it covers the axis).
+
+    Of any shape, 1 far inside the plane and 1/2 at its edge. `range_m` is the distance of the plane; the way there and
+    back makes the Fresnel argument 2 d / sqrt(wavelength range).
+    """
     s, c = fresnel(2.0 * np.asarray(distance_m) / np.sqrt(wavelength_m * np.asarray(range_m)))
     return np.asarray(np.hypot(0.5 - c, 0.5 - s) / np.sqrt(2.0), dtype=np.float64)
 
@@ -249,7 +264,10 @@ def measured(
 
 @lru_cache(maxsize=32)
 def beam_table(spec: SensorSpec, range_mm: int, model: DetectorModel) -> BeamTable:
-    """Tabulate one sensor at a typical range; missing frequency or aperture follow from the beam angle."""
+    """Tabulate one sensor at a typical range; missing frequency or aperture follow from the beam angle.
+
+    `range_mm` is that range in whole millimetres, so that equal ones share their table.
+    """
     half = 0.5 * spec.beam_full_angle_rad
     wavelength = SPEED_OF_SOUND_M_S / (spec.frequency_hz or 50e3)
     # Without an aperture: the two-way beam of a piston falls to 1/6 at the capture angle.

@@ -29,6 +29,8 @@ class Stations:
 
     `position_m`, `axis` (M, 3); `range_m`, `sigma_m` of the merged range; `amplitude` (nan: unknown); `spec` index of
     the sensor kind; `count` readings merged; `of_reading` (N,) the station of each reading (-1: rejected).
+
+    Positions are where the beam begins: at the mouth of a tube, from where the ranges count.
     """
 
     position_m: FloatArray
@@ -108,7 +110,10 @@ def _agreement(group: IntArray, range_m: FloatArray, sigma: FloatArray) -> tuple
 
 
 def stated_sigma(readings: Readings, rows: IntArray) -> FloatArray:
-    """Standard deviation (m) of some readings: their own where the log states one, else that of their sensor."""
+    """Standard deviation (m) of some readings: their own where the log states one, else that of their sensor.
+
+    `rows` (N,) are indices of readings; the result (N,) goes with them.
+    """
     own = readings.sigma_m[rows]
     of_sensor = np.array([spec.sigma_m for spec in readings.specs])[readings.sensor[rows]]
     return np.where((own > 0.0) & np.isfinite(own), own, of_sensor)

@@ -51,7 +51,12 @@ def cell_size(scene: FusionScene, grid: MapGrid, step_m: float) -> float:
 
 
 def domain_of(scene: FusionScene, raster: Raster, grid: MapGrid, heard_m: FloatArray, reach_m: float) -> BoolArray:
-    """Cells of the part that a reading could have heard."""
+    """Cells of the part that a reading could have heard.
+
+    A mask (R, C) of the raster. `heard_m` (M, 3) are points in the part frame in m where something was heard; cells
+    farther than `reach_m` from all of them are left out, and so are cells outside of the outline where the scene has
+    one.
+    """
     if scene.outline is not None:
         inside = inside_outline(raster, grid, scene.outline, np.quantile(heard_m[:, 2], (0.05, 0.5, 0.95)))
     else:
@@ -109,7 +114,10 @@ def estimate_map(
 
 
 def fine_raster(scene: FusionScene, grid: MapGrid, g: float, heard_m: FloatArray, reach_m: float) -> Raster:
-    """The raster of half the cell size over the same part."""
+    """The raster of half the cell size over the same part.
+
+    `g` is the coarse cell in m; `heard_m` and `reach_m` as in `domain_of`.
+    """
     fine = raster_over(grid, 0.5 * g)
     return replace(fine, domain=domain_of(scene, fine, grid, heard_m, reach_m))
 

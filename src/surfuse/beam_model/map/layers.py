@@ -29,7 +29,12 @@ FLOOR_M = 0.00003
 
 @dataclass(frozen=True)
 class Layers:
-    """Sigma (m), number of readings, regime (`Regime`) and share of believed readings, each (R, C)."""
+    """What is known of the heights of a map, each (R, C).
+
+    `sigma_m` is their standard deviation in m, `count` the number of readings that a cell rests on, `regime` says
+    whether it is measured or only the prior's (`Regime`), `confidence` is the share of its readings that the surface
+    explains, in [0, 1].
+    """
 
     sigma_m: FloatArray
     count: IntArray

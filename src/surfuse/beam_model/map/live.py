@@ -44,7 +44,12 @@ LEAST_STATIONS = 6
 
 @dataclass
 class LiveMap:
-    """The sweeps so far, where they looked (part frame, u and v), and the sheet that they gave."""
+    """The sweeps so far, and what they gave.
+
+    `grid` is the map that was asked for, `looked_m` holds a place (u, v) (2,) in m for each sweep; `sheet` are
+    the layers of the last estimate (None: there was none yet). `edge` is the price of a broken difference, `tables` one
+    for each kind of sensor.
+    """
 
     scene: FusionScene
     grid: MapGrid

@@ -31,7 +31,11 @@ class Tile:
 
 @dataclass(frozen=True)
 class RasterLayers:
-    """The layers of a solution over one raster, all (R, C); `known` marks the cells that have a value."""
+    """The layers of a solution over one raster, all (R, C); `known` marks the cells that have a value.
+
+    Heights and `sigma_m` in m, slopes dw/du and dw/dv, `confidence` in [0, 1], `regime` as in `Regime`; `second_m` is
+    the rival height of a cell (nan: none), `second_weight` its probability.
+    """
 
     raster: Raster
     height_m: FloatArray

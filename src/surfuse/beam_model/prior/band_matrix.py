@@ -16,7 +16,10 @@ SMALLEST_PIVOT = 1e-12
 
 @compiled
 def factor(band: FloatArray) -> FloatArray:
-    """Cholesky factor L in the same layout; a pivot lost to rounding is held at a tiny share of its diagonal."""
+    """Cholesky factor L in the same layout; a pivot lost to rounding is held at a tiny share of its diagonal.
+
+    `band` (n, width + 1) stays as it is. L L^T = A.
+    """
     lower = band.copy()
     n, columns = lower.shape
     for j in range(n):
@@ -35,7 +38,10 @@ def factor(band: FloatArray) -> FloatArray:
 
 @compiled
 def solve(lower: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve A x = right (n,) with the factor of A."""
+    """Solve A x = right (n,) with the factor of A.
+
+    `lower` (n, width + 1) is that of `factor`; `right` stays as it is.
+    """
     x = right.copy()
     n, columns = lower.shape
     for j in range(n):
@@ -67,5 +73,8 @@ def colour(lower: FloatArray, white: FloatArray) -> FloatArray:
 
 
 def log_determinant(lower: FloatArray) -> float:
-    """Logarithm of the determinant of the factored matrix."""
+    """Logarithm of the determinant of the factored matrix.
+
+    That of A; `lower` (n, width + 1) is its factor.
+    """
     return 2.0 * float(np.sum(np.log(lower[:, 0])))

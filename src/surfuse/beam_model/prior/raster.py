@@ -12,7 +12,11 @@ from surfuse.records import BoolArray, FloatArray, MapGrid
 
 @dataclass(frozen=True)
 class Raster:
-    """Square cells of side `g_m` centred on nodes (u0 + i g, v0 + j g); `domain` (R, C) marks cells of the part."""
+    """Square cells of side `g_m` centred on nodes (u0 + i g, v0 + j g); `domain` (R, C) marks cells of the part.
+
+    (`u0_m`, `v0_m`) is the node of row 0 and column 0, in the part frame; cell (j, i) is row j along v, column i along
+    u.
+    """
 
     u0_m: float
     v0_m: float
@@ -38,7 +42,10 @@ class Raster:
         return low, low + self.g_m * np.array([cols - 1, rows - 1])
 
     def holds(self, points_m: FloatArray) -> BoolArray:
-        """Which points (M, 2 or 3) stand over a cell of the domain."""
+        """Which points (M, 2 or 3) stand over a cell of the domain.
+
+        A mask (M,); points are (u, v) or (u, v, w) in m in the part frame.
+        """
         i = np.floor((points_m[:, 0] - self.u0_m) / self.g_m + 0.5).astype(np.int64)
         j = np.floor((points_m[:, 1] - self.v0_m) / self.g_m + 0.5).astype(np.int64)
         rows, cols = self.shape
@@ -47,7 +54,11 @@ class Raster:
         return np.asarray(ok, dtype=np.bool_)
 
     def sample(self, layer: FloatArray, grid: MapGrid) -> FloatArray:
-        """Values of a layer at the nearest node of each node of the map's grid (nan outside)."""
+        """Values of a layer at the nearest node of each node of the map's grid (nan outside).
+
+        `layer` (R, C) of any quantity; the result has the shape of the map. The nearest node is that of the raster's
+        cell in which the map's node lies.
+        """
         i = np.floor((grid.u_m - self.u0_m) / self.g_m + 0.5).astype(np.int64)
         j = np.floor((grid.v_m - self.v0_m) / self.g_m + 0.5).astype(np.int64)
         rows, cols = self.shape
@@ -64,6 +75,10 @@ def slopes(
 
     A rim cell lies next to a drop or to the outside. The last result (R, C, 2) is where the rim is, relative to the
     node along u and v: half a cell towards the drop; nan for cells that are none.
+
+    All (R, C). `height` is in m, `domain` marks the cells that have one, `g` is the side of a cell in m, `crease` the
+    bend (m) from which on three cells in a row are an edge. At an edge the slope is the flatter of the two sides, and
+    the curvature is 0.
     """
     rows, cols = height.shape
     su = np.zeros((rows, cols))

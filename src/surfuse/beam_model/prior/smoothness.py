@@ -131,7 +131,11 @@ def _bandwidth(number: IntArray, offsets: IntArray, sizes: IntArray) -> int:
 
 @dataclass(frozen=True)
 class Plate:
-    """The prior over one raster: `number` (R, C) numbers the cells of the domain, -1 outside."""
+    """The prior over one raster: `number` (R, C) numbers the cells of the domain, -1 outside.
+
+    `bandwidth` is the largest distance between two unknowns of one difference, `g_m` the side of a cell, `domain` (R,
+    C) marks the cells that have a height.
+    """
 
     domain: BoolArray
     number: IntArray
@@ -153,7 +157,11 @@ class Plate:
         return float(_energy(height, self.number, OFFSETS, COEFFICIENTS, SIZES, self._scale(stiffness), stiffness.edge))
 
     def precision(self, height: FloatArray, stiffness: Stiffness, ridge: float) -> FloatArray:
-        """Band form (see `band`) of the prior's precision at a surface; `ridge` (1/m^2) holds what nothing holds."""
+        """Band form (see `band`) of the prior's precision at a surface; `ridge` (1/m^2) holds what nothing holds.
+
+        The result is (n, bandwidth + 1) in 1/m^2; `height` (R, C) in m is where the saturating penalty is linearised,
+        by weights (edge / (edge + x))^2.
+        """
         band = np.zeros((self.size, self.bandwidth + 1))
         _assemble(
             height, self.number, OFFSETS, COEFFICIENTS, SIZES, self._scale(stiffness), stiffness.edge, band
@@ -175,7 +183,11 @@ class Plate:
 
 
 def plate(domain: BoolArray, g_m: float) -> Plate:
-    """Number the cells of a domain so that the band is narrow."""
+    """Number the cells of a domain so that the band is narrow.
+
+    `domain` (R, C), `g_m` the side of a cell; the numbers run along the shorter side, so that neighbours across it have
+    numbers close to each other.
+    """
     number = np.full(domain.shape, -1, dtype=np.int64)
     if domain.shape[0] >= domain.shape[1]:
         number[domain] = np.arange(domain.sum())

@@ -21,7 +21,11 @@ SETTLED_GAIN = 0.02
 
 @dataclass(frozen=True)
 class Solution:
-    """A surface (R, C), the arrivals over it, and its score: minus log evidence (Laplace's approximation)."""
+    """A surface (R, C), the arrivals over it, and its score: minus log evidence (Laplace's approximation).
+
+    `height_m` in m; `crease_m` is the bend beyond which it has edges, `stiffness` the prior it was found with, `start`
+    the name of where the descent began. Scores are natural logarithms: a difference of 1 is a factor of e.
+    """
 
     height_m: FloatArray
     heard: Arrivals
@@ -37,14 +41,22 @@ def crease(p: Estimation, stiffness: Stiffness) -> float:
 
 
 def objective(p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Stiffness, temper_m: float) -> float:
-    """Minus log posterior of a surface, up to a constant."""
+    """Minus log posterior of a surface, up to a constant.
+
+    `height` (R, C) in m, `heard` the arrivals over it. `temper_m` is added to the deviation of every residual, so that
+    a bad start is pulled from afar. In units of log likelihood.
+    """
     return float(np.sum(misfit(p, heard, temper_m))) + p.plate.energy(height, stiffness)
 
 
 def descend(
     p: Estimation, height: FloatArray, stiffness: Stiffness, crease_m: float, tempers_m: tuple[float, ...]
 ) -> tuple[FloatArray, Arrivals]:
-    """Gauss-Newton with backtracking; each step solves the linearised problem and keeps what lowers the objective."""
+    """Gauss-Newton with backtracking; each step solves the linearised problem and keeps what lowers the objective.
+
+    One step for each of `tempers_m` (see `objective`), left out once the steps of the same temper gain nothing. Returns
+    heights (R, C) in m and the arrivals over them; `height` (R, C) is the start and stays as it is.
+    """
     heard = arrivals(p, height, crease_m)
     settled = False
     for k, temper in enumerate(tempers_m):
@@ -75,7 +87,11 @@ def newton_goal(
 
 
 def evidence(p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Stiffness) -> float:
-    """Minus log evidence: objective plus half the log ratio of posterior and prior precision."""
+    """Minus log evidence: objective plus half the log ratio of posterior and prior precision.
+
+    Laplace's approximation (MacKay, Neural Computation 4, 1992), at a minimum `height` (R, C) in m of the objective
+    without temper. Only differences between explanations of the same readings mean something.
+    """
     prior = p.plate.precision(height, stiffness, LOOSE_M**-2)
     posterior = prior.copy()
     posterior[:, 0] += p.plate.vector(pulls(p, heard, height, 0.0)[0])
@@ -84,7 +100,11 @@ def evidence(p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Stif
 
 
 def find(p: Estimation, start: FloatArray, name: str, stiffness: Stiffness, tempers_m: tuple[float, ...]) -> Solution:
-    """Descend from a start and score what is found."""
+    """Descend from a start and score what is found.
+
+    `start` (R, C) in m. After the descent pieces that no reading holds are laid onto their neighbours; where that
+    changes anything the last tempers are run again. `name` says where it began.
+    """
     width = crease(p, stiffness)
     height, heard = descend(p, start, stiffness, width, tempers_m)
     again = reattached(p, height, heard, width)

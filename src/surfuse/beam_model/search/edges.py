@@ -65,7 +65,11 @@ def grown(surface: Surface, member: BoolArray, domain: BoolArray, direction: tup
 
 
 def candidates(number: IntArray) -> list[int]:
-    """Largest pieces, if there is more than one."""
+    """Largest pieces, if there is more than one.
+
+    `number` (R, C) are those of `pieces`, -1 outside. At most `MOST_PIECES`, largest first, each of `SMALLEST_PIECE`
+    cells or more.
+    """
     names, sizes = np.unique(number[number >= 0], return_counts=True)
     order = np.argsort(-sizes)
     large = [int(names[k]) for k in order[:MOST_PIECES] if sizes[k] >= SMALLEST_PIECE]
@@ -75,7 +79,11 @@ def candidates(number: IntArray) -> list[int]:
 def merge_small(
     p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float
 ) -> tuple[FloatArray, Arrivals]:
-    """Lay small pieces onto their surroundings wherever the readings do not pay for the edge around them."""
+    """Lay small pieces onto their surroundings wherever the readings do not pay for the edge around them.
+
+    Smallest first, at most `MOST_MERGES` of them. `height` (R, C) in m and its arrivals `heard` come back, changed or
+    not; a bend above `crease_m` is an edge.
+    """
     r = p.raster
     now = objective(p, height, heard, stiffness, 0.0)
     number = pieces(height, r.domain, r.g_m, 2.0 * crease_m)
@@ -94,7 +102,12 @@ def settle(
     p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float,
     steps: tuple[int, ...] = REACH,
 ) -> tuple[FloatArray, Arrivals]:  # fmt: skip
-    """Take the best move of all pieces and directions, settle the heights, and repeat while it helps."""
+    """Take the best move of all pieces and directions, settle the heights, and repeat while it helps.
+
+    `height` (R, C) in m and the arrivals `heard` over it come back, better or the same. `steps` are the numbers of
+    cells by which a piece may grow at once; a move must gain at least 1 unit of log likelihood, in at most `ROUNDS`
+    rounds.
+    """
     r = p.raster
     height, heard = merge_small(p, height, heard, stiffness, crease_m)
     now = objective(p, height, heard, stiffness, 0.0)
@@ -120,6 +133,9 @@ def rivals(p: Estimation, height: FloatArray, stiffness: Stiffness, crease_m: fl
     """Second surface beside each edge (R, C; nan: none) and its probability, cell by cell.
 
     The cell is put on the piece across the edge; the change of the objective, tempered, gives the odds of the two.
+
+    `height` (R, C) in m is the surface that was found; the probability (R, C) is 0 where no rival is. Both pieces are
+    those that bends above `crease_m` part.
     """
     r = p.raster
     number = pieces(height, r.domain, r.g_m, 2.0 * crease_m)

@@ -36,6 +36,9 @@ class Arrivals:
 
     `range_m` (inf: nothing), `gain` d range / d height of the cell, `scatter_m` of the model; `kind`,
     `row`, `column` of what is heard.
+
+    Columns (M,), ranges and scatter in m. Row and column are -1 where nothing is heard, and those of the cell that the
+    echo comes from elsewhere; a station's range changes by `gain` times the change of that cell's height.
     """
 
     range_m: FloatArray
@@ -54,6 +57,9 @@ class Estimation:
     it then hears a rim whose shape and place inside a cell the raster does not hold; and less where it shares no
     wavefront with its neighbours, because the speckle that they hear is partly the same. The share depends on what was
     heard and not on what is believed, so that explanations can be compared. `surfels` are the oriented points.
+
+    `tables` has one entry a kind of sensor, `plate` is the prior over the raster, `spacing_m` the distance between
+    neighbouring places.
     """
 
     stations: Stations
@@ -67,7 +73,11 @@ class Estimation:
 
 
 def problem(stations: Stations, tables: tuple[BeamTable, ...], raster: Raster, spacing_m: float) -> Estimation:
-    """Put a problem together."""
+    """Put a problem together.
+
+    `level` is ln(amplitude / threshold of the sensor's kind). `tables` has one entry for each index in `stations.spec`;
+    `spacing_m` is the distance between neighbouring own-axis points, see `spacing`.
+    """
     threshold = np.array([table.threshold for table in tables])[stations.spec]
     with np.errstate(invalid="ignore", divide="ignore"):
         level = np.log(stations.amplitude / threshold)
@@ -81,7 +91,11 @@ def problem(stations: Stations, tables: tuple[BeamTable, ...], raster: Raster, s
 
 
 def crowd(stations: Stations, tables: tuple[BeamTable, ...], spacing_m: float) -> FloatArray:
-    """How many neighbours (M,) hear the same speckle: those within its correlation length, for a beam of that width."""
+    """How many neighbours (M,) hear the same speckle: those within its correlation length, for a beam of that width.
+
+    It is 1 + pi (grain / spacing)^2, with the correlation length wavelength / (4 sin(half angle)) of speckle; 1 for
+    light.
+    """
     grain = np.array([0.0 if t.optical else t.wavelength_m / (4.0 * np.sin(t.half_angle_rad)) for t in tables])
     return np.asarray(1.0 + np.pi * (grain[stations.spec] / max(spacing_m, 1e-4)) ** 2, dtype=np.float64)
 
@@ -162,7 +176,10 @@ def residuals(p: Estimation, heard: Arrivals) -> tuple[FloatArray, FloatArray]:
 
 
 def misfit(p: Estimation, heard: Arrivals, temper_m: float) -> FloatArray:
-    """Minus log likelihood (M,) with heavy tails; a reading that nothing explains costs as much as a gross outlier."""
+    """Minus log likelihood (M,) with heavy tails; a reading that nothing explains costs as much as a gross outlier.
+
+    Student's t with the tail `TAIL`, times the station's share of information; in units of log likelihood.
+    """
     sigma = deviation(p, heard, temper_m)
     e, known = residuals(p, heard)
     x = np.where(known > 0.0, (e / sigma) ** 2, 60.0)
@@ -170,7 +187,11 @@ def misfit(p: Estimation, heard: Arrivals, temper_m: float) -> FloatArray:
 
 
 def pulls(p: Estimation, heard: Arrivals, height: FloatArray, temper_m: float) -> tuple[FloatArray, FloatArray]:
-    """Weights and target heights by cell (R, C): the linearised, robustly weighted observations."""
+    """Weights and target heights by cell (R, C): the linearised, robustly weighted observations.
+
+    Weights in 1/m^2, targets in m, both 0 in cells that no station hears. The weights are those of iterated least
+    squares for Student's t; a rim counts with the share `RIM_SHARE`, because where it lies in its cell is unknown.
+    """
     sigma = deviation(p, heard, temper_m)
     e, known = residuals(p, heard)
     gain = np.maximum(np.abs(heard.gain), 0.2)

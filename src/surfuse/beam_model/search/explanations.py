@@ -37,7 +37,12 @@ def surfels_of(p: Estimation) -> Surfels:
 
 @dataclass(frozen=True)
 class Effort:
-    """Which explanations are tried: priors from each start, how many get their edges moved, other priors at the end."""
+    """Which explanations are tried: priors from each start, how many get their edges moved, other priors at the end.
+
+    `points`, `plane`, `quadric`, `tilt` are pairs of densities (second, third; see `Stiffness`) that are tried from a
+    start of that name. The edges of the `settled` best explanations are moved; `again` are pairs tried from the best
+    one. `fine` says whether a raster of half the cell size follows.
+    """
 
     points: tuple[tuple[float, float], ...] = DENSITIES
     plane: tuple[tuple[float, float], ...] = (FLAT, PLAIN, SOFT, FREE)
@@ -54,7 +59,11 @@ LEAN = Effort((FLAT, PLAIN, FREE), (FLAT,), (WAVY,), (FLAT,), 1, (), False)
 
 
 def explore(p: Estimation, edge: float, effort: Effort = FULL) -> list[Solution]:
-    """Every prior from its starts, the most probable first; the edges of the best are moved."""
+    """Every prior from its starts, the most probable first; the edges of the best are moved.
+
+    `edge` is the price of a broken difference in units of log likelihood. The result is sorted by score, the best
+    first; it has one entry for each prior and start that was tried.
+    """
     blurred = p.stations.position_m + p.stations.axis * (p.stations.range_m - speckle_shift(p))[:, None]
     near = nearest_allowed(p, p.surfels)
     level = plane(p, blurred)
@@ -96,7 +105,10 @@ def completed(p: Estimation, best: Solution, effort: Effort) -> Solution:
 
 
 def finer(coarse: Estimation, solution: Solution, raster: Raster) -> FloatArray:
-    """The solution on a finer raster: each new cell on the facet of the old cell that contains it."""
+    """The solution on a finer raster: each new cell on the facet of the old cell that contains it.
+
+    Heights (R', C') in m over `raster`. Away from edges a cubic spline is taken instead of the facets.
+    """
     r = coarse.raster
     su, sv, _, _, _ = slopes(solution.height_m, r.domain, r.g_m, solution.crease_m)
     u, v = raster.nodes()
@@ -121,7 +133,10 @@ def finer(coarse: Estimation, solution: Solution, raster: Raster) -> FloatArray:
 
 
 def breaks(height: FloatArray, crease_m: float) -> BoolArray:
-    """Cells (R, C) whose bend along u or v is that of an edge."""
+    """Cells (R, C) whose bend along u or v is that of an edge.
+
+    `height` (R, C) in m; a bend is a second difference, an edge one above `crease_m`.
+    """
     bent = np.zeros(height.shape, dtype=bool)
     bent[:, 1:-1] |= np.abs(np.diff(height, 2, axis=1)) > crease_m
     bent[1:-1, :] |= np.abs(np.diff(height, 2, axis=0)) > crease_m

@@ -140,7 +140,10 @@ def speckle_shift(p: Estimation) -> FloatArray:
 
 
 def trusted(p: Estimation, surfels: Surfels) -> IntArray:
-    """Stations that may carve: on a wavefront with their neighbours, or with an echo too strong for speckle."""
+    """Stations that may carve: on a wavefront with their neighbours, or with an echo too strong for speckle.
+
+    Indices into the stations, increasing.
+    """
     strong = np.nan_to_num(p.level, nan=-np.inf) > CLEAR_ECHO
     return np.flatnonzero(surfels.coherent | strong)
 

@@ -17,7 +17,11 @@ MARGIN_M = 0.03
 
 
 def pieces(height: FloatArray, domain: BoolArray, g_m: float, crease_m: float) -> IntArray:
-    """Number (R, C) of the smooth piece of each cell (-1 outside); neighbours share one unless they break apart."""
+    """Number (R, C) of the smooth piece of each cell (-1 outside); neighbours share one unless they break apart.
+
+    `height` (R, C) in m, cells of `g_m` within `domain` (R, C); two neighbours break apart where the step between them,
+    less what their slopes explain, is above `crease_m`.
+    """
     su, sv, _, _, _ = slopes(height, domain, g_m, crease_m)
     cells = np.arange(height.size).reshape(height.shape)
     first, second = [], []
@@ -56,7 +60,11 @@ def reattached(p: Estimation, height: FloatArray, heard: Arrivals, crease_m: flo
 
 
 def laid_onto(height: FloatArray, holder: BoolArray, piece: BoolArray, g_m: float, crease_m: float) -> FloatArray:
-    """The surface (R, C) with the cells of a piece on the nearest facets of the cells that hold."""
+    """The surface (R, C) with the cells of a piece on the nearest facets of the cells that hold.
+
+    `height` (R, C) in m, `holder` and `piece` (R, C) mark cells of `g_m`; all other cells stay as they are. Facets have
+    the slopes of their cells, edges being bends above `crease_m`.
+    """
     su, sv, _, _, _ = slopes(height, holder, g_m, crease_m)
     _, parent = distance_transform_edt(~holder, return_indices=True)
     jj, ii = parent[0], parent[1]

@@ -18,7 +18,10 @@ SUMMARY = "PID of every joint for itself, gains for one fixed inertia"
 
 @dataclass(frozen=True)
 class Parameters:
-    """`gains`: of each joint."""
+    """`gains`: of each joint.
+
+    `surroundings`: arm and nominal joints, which the rig gives.
+    """
 
     gains: LoopGains = STANDARD_GAINS
     surroundings: LawSurroundings | None = field(default=None, metadata=GIVEN_BY_RIG)

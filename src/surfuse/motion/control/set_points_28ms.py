@@ -27,7 +27,10 @@ SUMMARY = "the arm's old controller: a set point every 28 ms, fixed-gain loops"
 
 @dataclass(frozen=True)
 class Parameters:
-    """`gains`: of each joint."""
+    """`gains`: of each joint.
+
+    `surroundings`: arm and nominal joints, which the rig gives.
+    """
 
     gains: LoopGains = STANDARD_GAINS
     surroundings: LawSurroundings | None = field(default=None, metadata=GIVEN_BY_RIG)

@@ -41,7 +41,11 @@ class Rays(NamedTuple):
 
 
 class Bundle(NamedTuple):
-    """How the beam is sampled (see `Beam`): weight and energy gain of each ray (N,), the table `two_way`, the rim."""
+    """How the beam is sampled (see `Beam`): weight and energy gain of each ray (N,), the table `two_way`, the rim.
+
+    `two_way` (T,) is the energy directivity over even steps of the sine of the angle off the axis, from 0 to 1;
+    `nearest` (G, G) is the ray nearest to a direction, over its x and y; `edge_sine` is the sine of the bundle's rim.
+    """
 
     weight: FloatArray
     gain: FloatArray
@@ -51,7 +55,11 @@ class Bundle(NamedTuple):
 
 
 class Triangles(NamedTuple):
-    """The scene: planes of the triangles (T, 3), (T,), their material and body (T,), poses of the speckle (B, 3, 4)."""
+    """The scene: planes of the triangles (T, 3), (T,), their material and body (T,), poses of the speckle (B, 3, 4).
+
+    `normal` are unit vectors in the world frame and `offset` (m) their planes' distances from its origin;
+    `grid_from_world` has one pose for each of B bodies.
+    """
 
     normal: FloatArray
     offset: FloatArray
@@ -61,7 +69,12 @@ class Triangles(NamedTuple):
 
 
 class Sound(NamedTuple):
-    """What materials (M,) and air do to sound, and which of all rough surfaces of that kind this one is."""
+    """What materials (M,) and air do to sound, and which of all rough surfaces of that kind this one is.
+
+    `mirror_of`, `roughness_of`, `diffuse_of` (M,) are the share of energy that is reflected, (2 k roughness)^2, and the
+    share that is scattered. `wave_number` k in 1/m, `absorption` in 1/m of amplitude, `cell_m` the side of the patches
+    that scatter with one phase, `seed` chooses the phases.
+    """
 
     mirror_of: FloatArray
     roughness_of: FloatArray
@@ -73,7 +86,11 @@ class Sound(NamedTuple):
 
 
 class Bins(NamedTuple):
-    """Arrivals over the distance (B,): energies, complex amplitudes, and the used span of bins (2,)."""
+    """Arrivals over the distance (B,): energies, complex amplitudes, and the used span of bins (2,).
+
+    `mirror` are energies, `real` and `imag` complex amplitudes of what is scattered, in steps of `bin_m`; `extent` is
+    the first and the last bin in use.
+    """
 
     mirror: FloatArray
     real: FloatArray
@@ -96,7 +113,10 @@ class Edges(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room for the rays of one ping: float32 start and direction for Embree, direction, edge point of each edge ray."""
+    """Room for the rays of one ping: float32 start and direction for Embree, direction, edge point of each edge ray.
+
+    `start`, `ray` and `ray32` are (N + E, 3) for N rays of the bundle and E to edges, `chosen` (E,).
+    """
 
     start: FloatArray
     ray: FloatArray
@@ -125,7 +145,12 @@ def turn_bundle(aim: Aim, directions: FloatArray, origin: FloatArray, room: Room
 def aim_at_edges(
     position: FloatArray, aim: Aim, origin: FloatArray, edge_sine: float, farthest_m: float, first: int, room: Room
 ) -> int:
-    """Append a ray to each edge point inside the beam's rim; returns how many rays there are then."""
+    """Append a ray to each edge point inside the beam's rim; returns how many rays there are then.
+
+    `position` (K, 3) are edge points in m in the world, `origin` (3,) is where Embree counts from. Points behind the
+    sensor, beyond `farthest_m`, or outside of the rim (`edge_sine`) get no ray; rays are appended from number `first`
+    on.
+    """
     mouth, rotation, count = aim.mouth, aim.rotation, first
     start, ray, ray32, chosen = room.start, room.ray, room.ray32, room.chosen
     edge_cosine = np.sqrt(1.0 - edge_sine * edge_sine)
@@ -164,7 +189,10 @@ def deposit(distance: float, value: float, bin_m: float, bins: FloatArray, exten
 
 @compiled
 def beam_energy(sine: float, two_way: FloatArray) -> float:
-    """Two-way energy directivity at the sine of an angle from the axis, by interpolation."""
+    """Two-way energy directivity at the sine of an angle from the axis, by interpolation.
+
+    `two_way` (K,) is the table of `Bundle`; 1 on the axis.
+    """
     place = min(sine, 1.0) * (len(two_way) - 1)
     low = min(int(place), len(two_way) - 2)
     part = place - low
@@ -211,6 +239,9 @@ def bend_at_foot(
     an edge there is none, and the hit stands for it. The bundle itself tells how the surface goes on: the hit of the
     ray next to the foot is so far behind the tangent plane as its curvature says. `foot` (3,) receives the direction
     of the foot, world frame.
+
+    `rotation` (3, 3) is world from sensor, `normal` (T, 3) those of all triangles, `height` (m) the
+    distance of the sensor from its plane.
     """
     ray, hit, distance = rays.ray, rays.hit, rays.distance
     nearest, edge_sine = bundle.nearest, bundle.edge_sine
@@ -246,7 +277,10 @@ def add_echoes(
     sound: Sound,
     bins: Bins,
 ) -> None:
-    """All that comes back directly, in one call: handing over the arguments takes as long as some of the work."""
+    """All that comes back directly, in one call: handing over the arguments takes as long as some of the work.
+
+    `chosen` (E,) are the edge points of the rays beyond the bundle's. Everything is added to `bins`.
+    """
     distances(aim.mouth, rays, triangles.normal, triangles.offset)
     add_mirrors(aim, rays, bundle, triangles, sound, bins)
     add_diffuse(aim.mouth, rays, bundle, triangles, sound, bins)
@@ -291,7 +325,10 @@ def add_mirrors(aim: Aim, rays: Rays, bundle: Bundle, triangles: Triangles, soun
 
 @compiled
 def add_diffuse(mouth: FloatArray, rays: Rays, bundle: Bundle, triangles: Triangles, sound: Sound, bins: Bins) -> None:
-    """Diffuse echoes of the bundle's rays: Lambert's law, one random phase per surface cell."""
+    """Diffuse echoes of the bundle's rays: Lambert's law, one random phase per surface cell.
+
+    `mouth` (3,) in m is where the beam starts, in the world; the amplitudes are added to `bins`.
+    """
     ray, hit, distance, cosine = rays.ray, rays.hit, rays.distance, rays.cosine
     weight, gain, grid, body_of = bundle.weight, bundle.gain, triangles.grid_from_world, triangles.body
     material, diffuse_of, cell_m = triangles.material, sound.diffuse_of, sound.cell_m
@@ -328,6 +365,8 @@ def add_edges(chosen: IntArray, edges: Edges, aim: Aim, rays: Rays, bundle: Bund
     mirror direction, where the Fresnel lobe bounds it.
     Along the edge the energy keeps to the Fresnel lobe around its normal plane, but for a small share from corners
     and the edge's own roughness.
+
+    `chosen` (E,) are the edge points of the rays beyond the bundle's; the energies are added to `bins`.
     """
     wave_number, absorption = sound.wave_number, sound.absorption
     wavelength = 2.0 * np.pi / wave_number

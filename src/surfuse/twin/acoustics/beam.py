@@ -69,7 +69,10 @@ class Beam:
 
 
 def directivity(aperture_m: float, wave_number: float, sine: FloatArray) -> FloatArray:
-    """One-way amplitude directivity 2 J1(x) / x of a circular piston, x = k a sin(theta)."""
+    """One-way amplitude directivity 2 J1(x) / x of a circular piston, x = k a sin(theta).
+
+    Of the shape of `sine`; 1 on the axis. `wave_number` k in 1/m, a is half of `aperture_m`.
+    """
     x = 0.5 * aperture_m * wave_number * np.asarray(sine, dtype=np.float64)
     small = np.abs(x) < 1e-6
     safe = np.where(small, 1.0, x)

@@ -29,7 +29,11 @@ def burst_envelope(burst_s: float, rise_time_s: float, step_s: float) -> FloatAr
 
 
 class Received(NamedTuple):
-    """Energies and complex amplitudes by bin (B,), their used span (2,), the shape of one echo (W,) and its square."""
+    """Energies and complex amplitudes by bin (B,), their used span (2,), the shape of one echo (W,) and its square.
+
+    `mirror` are energies, `real` and `imag` complex amplitudes, `extent` is the first and the last bin in use; `shape2`
+    is `shape` squared.
+    """
 
     mirror: FloatArray
     real: FloatArray
@@ -49,7 +53,10 @@ class Detector(NamedTuple):
 
 @compiled
 def envelope_at(k: int, received: Received) -> float:
-    """Received envelope at bin k: mirror-like parts add as energies, the diffuse part as amplitudes."""
+    """Received envelope at bin k: mirror-like parts add as energies, the diffuse part as amplitudes.
+
+    Formula: sqrt(sum energy shape^2 + |sum amplitude shape|^2), the sums over all bins whose echo still lasts at bin k.
+    """
     shape, shape2, extent = received.shape, received.shape2, received.extent
     mirror, real, imag = received.mirror, received.real, received.imag
     energy, x, y = 0.0, 0.0, 0.0
@@ -68,6 +75,8 @@ def detect(received: Received, detector: Detector, scale: FloatArray, shift: Flo
 
     Ping p sees the envelope times `scale[p]` plus `shift[p]`. `crossing` (P,) receives the place in bins between
     samples; inf for none, -inf when the level is already reached as the detector opens.
+
+    `scale` and `shift` (P,) in units of the envelope of a facing plate; the detector opens at the bin `detector.opens`.
     """
     level, ringing, opens = detector.level, detector.ringing, detector.opens
     mirror, real, imag, extent = received.mirror, received.real, received.imag, received.extent

@@ -20,7 +20,10 @@ _BOUNCE_GAIN = 1e-4
 
 
 class Onward(NamedTuple):
-    """Room for reflected rays: float32 start and direction for Embree, direction, the ray that each comes from."""
+    """Room for reflected rays: float32 start and direction for Embree, direction, the ray that each comes from.
+
+    `start`, `ray` and `ray32` are (N, 3), `parent` (N,); starts in m from where Embree counts.
+    """
 
     start: FloatArray
     ray: FloatArray
@@ -41,6 +44,8 @@ def reflect(
     """Rays that go on after a mirror-like reflection and might come back over a second surface; returns their number.
 
     Rays nearly along the normal return to the sensor itself and are left out, as are those outside the main beam.
+
+    `mouth` (3,) in m is where the beam starts, in the world; `origin` (3,) is where Embree counts from.
     """
     ray, hit, distance, cosine = rays.ray, rays.hit, rays.distance, rays.cosine
     normal, start = triangles.normal, onward.start

@@ -28,7 +28,11 @@ _INAUDIBLE = 0.01
 
 @dataclass(frozen=True)
 class EchoArrivals:
-    """What comes back, over the distance from the beam's origin: energies and complex amplitudes by bin (B,)."""
+    """What comes back, over the distance from the beam's origin: energies and complex amplitudes by bin (B,).
+
+    `mirror` are energies, `real` and `imag` complex amplitudes in steps of `BIN_M`; `extent` (2,) is the first and the
+    last bin in use. The arrays belong to the sounder, which uses them again.
+    """
 
     mirror: FloatArray
     real: FloatArray
@@ -138,7 +142,12 @@ class Sounder:
     def heard(
         self, arrived: EchoArrivals, pings: int, noise: AcousticNoise, generator: np.random.Generator, t_s: float
     ) -> tuple[FloatArray, FloatArray]:
-        """What repeated pings read of what comes back; see `ping`."""
+        """What repeated pings read of what comes back; see `ping`.
+
+        Ranges (pings,) in m and strengths (pings,). `generator` is drawn from in the same order whatever is heard, so
+        that one surface more does not change the noise of all that follows; `t_s` is the time of the trigger, by which
+        the drift after switching on has faded.
+        """
         scale = self.response * (1.0 + noise.amplitude * generator.standard_normal(pings))
         shift = noise.receiver * generator.standard_normal(pings)
         jitter = noise.timing_m * generator.standard_normal(pings)
@@ -162,7 +171,10 @@ class Sounder:
         return np.where(missed, np.inf, ranges), np.where(heard & ~missed, strength, np.nan)
 
     def arrivals(self, world_from_sensor: FloatArray) -> EchoArrivals:
-        """All that comes back to a sensor at this pose; the arrays are valid until the next call."""
+        """All that comes back to a sensor at this pose; the arrays are valid until the next call.
+
+        `world_from_sensor` (4, 4): the sensor looks along its z axis, the range counts from its origin.
+        """
         scene, work, beam = self.scene, self._work, self.beam
         low, high = work.extent
         for bins in (work.mirror, work.real, work.imag):

@@ -70,6 +70,8 @@ def motion_terms(
     The inertia is that of composite bodies (Walker and Orin, J. Dynamic Systems, Measurement and Control 104(3),
     1982): column j is the momentum of everything beyond joint j when that joint alone turns at unit speed.
     `scratch` is what `scratch_of(J)` gives; its content does not matter.
+
+    `q` (J,) in rad, `qd` (J,) in rad/s; inertia in kg m^2, torques in Nm.
     """
     _links(bodies, q, scratch.frames, scratch.square)
     _composite(scratch.frames, bodies.mass, matrix, scratch.small, scratch.square)

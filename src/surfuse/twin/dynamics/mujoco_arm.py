@@ -30,6 +30,9 @@ def mjcf(
     `capsules` are the outer shape, arm, bracket and tubes (`Capsule.link` 0 is the base, J + 1 the tool). They
     have no mass of their own: all mass is in `dynamics`, loads included. Dry friction is the mean of both directions,
     the only kind that MuJoCo has.
+
+    `wrist_from_tool` (4, 4) places the tool behind the last link (None: there is none); the base stands `base_height_m`
+    above the floor.
     """
     root = Element("mujoco", model="arm")
     SubElement(root, "compiler", angle="radian", autolimits="true")

@@ -124,7 +124,14 @@ class ArmPlant:
         self._dry = np.ascontiguousarray(dry.T)
 
     def rest_at(self, position_rad: FloatArray) -> None:
-        """Put the arm there, at rest, without history."""
+        """Put the arm there, at rest, without history.
+
+        `position_rad` (J,).
+
+        Raises
+        ------
+        DataError : the position has another number of joints, or is not finite.
+        """
         position = np.asarray(position_rad, dtype=np.float64)
         if position.shape != self._position.shape or not np.all(np.isfinite(position)):
             raise DataError(f"joint position {position.tolist()}, wanted {len(self._position)} finite angles")
@@ -132,12 +139,18 @@ class ArmPlant:
         self.drift(np.zeros_like(position))
 
     def drift(self, velocity_rad_s: FloatArray) -> None:
-        """Give the joints a speed (J,), as a blow would."""
+        """Give the joints a speed (J,), as a blow would.
+
+        In rad/s. The friction impulses of the last step are forgotten.
+        """
         self._velocity[:] = velocity_rad_s
         self._impulse[:] = 0.0
 
     def step(self, torque_nm: FloatArray, duration_s: float) -> None:
-        """Let joint torques (J,) act for a while."""
+        """Let joint torques (J,) act for a while.
+
+        In Nm and s; the time is cut into equal steps of about `substep_s`.
+        """
         steps = self.steps_in(duration_s)
         integrate(self.memory, torque_nm, duration_s / steps, steps)
 
@@ -222,7 +235,11 @@ def _stick(
     qd: FloatArray,
     impulse: FloatArray,
 ) -> None:
-    """Find the friction impulses that oppose the motion, and the speeds under them; both are updated in place."""
+    """Find the friction impulses that oppose the motion, and the speeds under them; both are updated in place.
+
+    `mobility` (J, J) in 1/(kg m^2), `forwards` and `backwards` (J,) the largest friction in Nm, `qd` and `impulse`
+    (J,).
+    """
     n = qd.shape[0]
     for _ in range(_SWEEPS):
         largest = 0.0

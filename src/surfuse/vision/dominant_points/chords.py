@@ -16,7 +16,10 @@ from surfuse.records import FloatArray
 
 
 class Curve(NamedTuple):
-    """A contour of `n` points, as kernels take it: `points` centred and `sums` over them, twice over when `closed`."""
+    """A contour of `n` points, as kernels take it: `points` centred and `sums` over them, twice over when `closed`.
+
+    `points` (n or 2 n, 2) in columns, `sums` (n + 1 or 2 n + 1, 5) are `running_sums` of them.
+    """
 
     points: FloatArray
     sums: FloatArray
@@ -33,7 +36,10 @@ def running_sums(points: FloatArray) -> FloatArray:
 
 @compiled
 def chord_error(curve: Curve, i: int, j: int) -> float:
-    """Sum of squared distances of the points strictly between i and j to the line through both (or to the point)."""
+    """Sum of squared distances of the points strictly between i and j to the line through both (or to the point).
+
+    i < j, which may run on beyond `n` on a closed curve; in squared columns.
+    """
     count = j - i - 1
     if count <= 0:
         return 0.0

@@ -16,6 +16,9 @@ def shape_order(points: FloatArray, closed: bool) -> IntArray:
 
     Among equally far points, and for the direction, the sequence of distances to the centroid decides (the largest in
     dictionary order). An open curve keeps its ends and only gets its direction.
+
+    `points` (N, 2). The order does not depend on where the contour begins, on its direction, or on a turn of the
+    picture.
     """
     offset = points - points.mean(axis=0)
     distance = np.hypot(offset[:, 0], offset[:, 1])
@@ -55,7 +58,10 @@ def _largest_rotation(signature: IntArray) -> int:
 
 @compiled
 def take_out(vertices: IntArray, costs: FloatArray, at: int, count: int) -> None:
-    """Close the gap that one of the first `count` vertices leaves, in place; the costs move with them."""
+    """Close the gap that one of the first `count` vertices leaves, in place; the costs move with them.
+
+    `vertices` and `costs` (count or more,); `at` is the place of the one that goes.
+    """
     for a in range(at, count - 1):
         vertices[a] = vertices[a + 1]
         costs[a] = costs[a + 1]
@@ -63,7 +69,10 @@ def take_out(vertices: IntArray, costs: FloatArray, at: int, count: int) -> None
 
 @compiled
 def first_least(values: FloatArray, count: int, slack: float) -> int:
-    """Index of the least of the first `count` values; of values equal within `slack` the first."""
+    """Index of the least of the first `count` values; of values equal within `slack` the first.
+
+    `values` (count or more,).
+    """
     best, where = np.inf, 0
     for a in range(count):
         if values[a] < best - slack:

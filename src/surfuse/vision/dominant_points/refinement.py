@@ -22,7 +22,11 @@ _POOL_MAX = 80
 
 @compiled
 def resized(curve: Curve, vertices: IntArray, count: int, slack: float) -> IntArray:
-    """Take away the cheapest vertices, or add the most useful, until there are `count`."""
+    """Take away the cheapest vertices, or add the most useful, until there are `count`.
+
+    `vertices` (K,) and the result (count,) are increasing indices into the curve; `slack` is the difference of errors
+    below which two are the same.
+    """
     k = len(vertices)
     room = np.empty(max(count, k), dtype=np.int64)
     for a in range(k):
@@ -72,7 +76,10 @@ def refined(
 
 @compiled
 def total_error(curve: Curve, vertices: IntArray) -> float:
-    """Integral square error of the polygon through the vertices."""
+    """Integral square error of the polygon through the vertices.
+
+    `vertices` (K,) are indices into the curve, increasing. In squared columns: the sum of `chord_error` over all sides.
+    """
     k = len(vertices)
     total = 0.0
     for a in range(k - 1):

@@ -38,7 +38,10 @@ def selected(
     vertices: IntArray,
     corner: Corner,
 ) -> IntArray:
-    """Remove candidates that are neither corners nor needed, and the blunter of two that stand too close."""
+    """Remove candidates that are neither corners nor needed, and the blunter of two that stand too close.
+
+    `vertices` (K,) and the result are increasing indices into the curve; the ends of an open curve always stay.
+    """
     vertices = vertices.copy()
     k = len(vertices)
     change = np.empty(k)
@@ -58,7 +61,10 @@ def selected(
 
 @compiled
 def repaired(curve: Curve, vertices: IntArray, tolerance: float, slack: float) -> IntArray:
-    """Add the farthest point of every chord that leaves the tolerance, until none does."""
+    """Add the farthest point of every chord that leaves the tolerance, until none does.
+
+    `vertices` (K,) and the result are increasing indices into the curve; `tolerance` is in columns.
+    """
     n = curve.n
     marked = np.zeros(n, dtype=np.bool_)
     for vertex in vertices:
@@ -84,7 +90,10 @@ def repaired(curve: Curve, vertices: IntArray, tolerance: float, slack: float) -
 
 @compiled
 def turns(curve: Curve, vertices: IntArray) -> FloatArray:
-    """Change of the fitted slope at every vertex (rad); 0 at the ends of an open curve."""
+    """Change of the fitted slope at every vertex (rad); 0 at the ends of an open curve.
+
+    `vertices` (K,) are indices into the curve, increasing; the result is (K,), without sign.
+    """
     k = len(vertices)
     result = np.zeros(k)
     for a in range(k):

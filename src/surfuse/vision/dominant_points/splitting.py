@@ -35,6 +35,9 @@ def candidates(curve: Curve, tolerance: float, slack: float) -> IntArray:
     """Candidate vertices, increasing: of an open curve with both ends, of a closed one at least 3.
 
     Points are in shape order: point 0 of a closed curve is the farthest from its centroid, hence on its convex hull.
+
+    Indices (K,) into the curve. `tolerance` is the largest distance (columns) of a point from its chord, `slack` the
+    one below which two are the same.
     """
     n = curve.n
     marked = np.zeros(n, dtype=np.bool_)
@@ -100,7 +103,10 @@ def merge_rise(
     tolerance: float,
     slack: float,
 ) -> float:
-    """By how much the squared error rises when vertex a goes; inf where it must stay."""
+    """By how much the squared error rises when vertex a goes; inf where it must stay.
+
+    `vertices` (k or more,) are indices into the curve; in squared columns.
+    """
     if not curve.closed and (a == 0 or a == k - 1):
         return math.inf
     before, after = neighbours(vertices, k, a, curve.n)
@@ -113,7 +119,11 @@ def merge_rise(
 
 @compiled
 def neighbours(vertices: IntArray, k: int, a: int, n: int) -> tuple[int, int]:
-    """Vertices before and after vertex a of k, numbered so that before < vertex a < after."""
+    """Vertices before and after vertex a of k, numbered so that before < vertex a < after.
+
+    `vertices` (k or more,) are indices, increasing, of a closed curve of n points; the numbers may lie below 0 or
+    beyond n.
+    """
     before = vertices[a - 1] if a > 0 else vertices[k - 1] - n
     after = vertices[a + 1] if a < k - 1 else vertices[0] + n
     return before, after

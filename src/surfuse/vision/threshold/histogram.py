@@ -21,6 +21,8 @@ class Threshold:
 
     `separability` in [0, 1] says how far the histogram falls between the two classes, relative to the lower of their
     two peaks: 1 an empty valley, 0 no valley at all, so that the image is not bimodal and the level means nothing.
+
+    `method` is the name of the one that found it.
     """
 
     level: int
@@ -68,6 +70,8 @@ def separability(counts: IntArray, level: int) -> float:
     The histogram is smoothed before peaks are looked for (a fifth of the spread inside the classes, at least two
     levels), because counts are noisy and stretched images have combs. Exactly two occupied levels are 1 by
     definition, one level or an empty class 0. Valley depth after Rosenfeld and De La Torre, IEEE Trans. SMC-13, 1983.
+
+    `counts` (256,) are those of the grey levels; `level` is the last one of the lower class.
     """
     occupied = np.flatnonzero(counts)
     if level < occupied[0] or level >= occupied[-1]:

@@ -21,7 +21,10 @@ METHOD = "uniform_error"
 
 @dataclass(frozen=True)
 class BlockCounts:
-    """Histograms (256,) of the four grey levels of all disjoint 2 x 2 blocks, sorted inside each block."""
+    """Histograms (256,) of the four grey levels of all disjoint 2 x 2 blocks, sorted inside each block.
+
+    `smallest`, `second`, `third`, `largest` each sum up to the number of blocks.
+    """
 
     smallest: IntArray
     second: IntArray
@@ -42,7 +45,12 @@ def threshold(image: ByteArray) -> Threshold:
 
 
 def block_counts(image: ByteArray) -> BlockCounts:
-    """Sort every 2 x 2 block of an image (H, W) uint8 and count; an odd last row or column is left out."""
+    """Sort every 2 x 2 block of an image (H, W) uint8 and count; an odd last row or column is left out.
+
+    Raises
+    ------
+    DataError : the image has no whole block.
+    """
     rows, columns = image.shape[0] // 2 * 2, image.shape[1] // 2 * 2
     if rows == 0 or columns == 0:
         raise DataError(f"an image of shape {image.shape} has no 2 x 2 block", cure="give at least 2 x 2 pixels")
