@@ -9,6 +9,7 @@ from typing import Literal, get_args
 
 import numpy as np
 import trimesh
+import viser
 
 from surfuse.records import ByteArray, FloatArray, SurfaceMap
 from surfuse.report.colours import ANCHORS, colourise
@@ -19,6 +20,7 @@ Layer = Literal["height", "sigma"]
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 _COLOURS: dict[Layer, str] = {"height": "viridis", "sigma": "magma"}
 _MEANING: dict[Layer, str] = {"height": "height w above the part plane", "sigma": "standard deviation of the height"}
+EVEN_LIGHT = 2.0
 _LEAST_SPAN_M: dict[Layer, float] = {"height": 1e-3, "sigma": 1e-5}
 
 
@@ -58,6 +60,11 @@ def coloured_mesh(surface: SurfaceMap, most_nodes: int, shown: ColourRange) -> t
     twice, both = both_windings(vertices, faces)
     colours = _as_linear_light(colourise(np.tile(values, 2), shown.low_m, shown.high_m, _COLOURS[shown.layer]))
     return trimesh.Trimesh(twice, both, vertex_colors=colours, process=False)
+
+
+def add_even_light(scene: viser.SceneApi) -> None:
+    """Light from everywhere, by which colours look as in the legend on whichever side they are seen."""
+    scene.add_light_ambient("/light", intensity=EVEN_LIGHT)
 
 
 def _as_linear_light(colours: ByteArray) -> ByteArray:
