@@ -10,7 +10,7 @@ import viser
 
 from surfuse.geometry.poses import transform_points
 from surfuse.records import FloatArray, FusionScene, ScanPlan, SurfaceMap, Sweep
-from surfuse.report.map_layers import LAYERS, ColourRange, add_even_light, colour_range, coloured_mesh, legend_html
+from surfuse.report.map_layers import LAYERS, ColourRange, colour_range, coloured_mesh, legend_html
 from surfuse.report.moving_parts import ArmParts, ArrayParts, Moment, colours_by_status, link_lengths
 from surfuse.report.playback import Playback
 from surfuse.report.scale_bar import add_scale_bar
@@ -40,7 +40,6 @@ class LiveScene:
         self._turn = threading.Lock()
         box = np.concatenate([plan.uv_m, plan.outline.vertices_m])
         self._low, self._high = box.min(axis=0), box.max(axis=0)
-        add_even_light(server.scene)
         self._add_plan(scene)
         add_scale_bar(server.scene, scene.world_from_part, self._low, self._high)
         self._aim(scene.world_from_part)

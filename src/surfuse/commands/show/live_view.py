@@ -16,6 +16,7 @@ from surfuse.commands.show.map_so_far import MapSoFar, WorkShare
 from surfuse.commands.show.observer import PlannedScan
 from surfuse.records import SurfaceMap, Sweep
 from surfuse.report.live_scene import LiveScene
+from surfuse.report.map_layers import add_even_light
 from surfuse.report.page_guard import LOOPBACK
 from surfuse.report.playback import TICK_S
 from surfuse.report.quiet_viewer import loopback_server
@@ -189,6 +190,8 @@ def live_view(port: int, warn: Callable[[str], None], announce: Callable[[str], 
     UsageError : the port cannot be had.
     """
     with loopback_server(port, "surfuse: live") as server:
+        # Before the first page comes: one that is open already does not notice a new light.
+        add_even_light(server.scene)
         view = LiveView(server, warn)
         announce(f"http://{LOOPBACK}:{server.get_port()}")
         with view.drawing():
