@@ -9,8 +9,9 @@ from typing import Literal, get_args
 
 import numpy as np
 import trimesh
+import viser
 
-from surfuse.records import ByteArray, FloatArray, SurfaceMap
+from surfuse.records import FloatArray, SurfaceMap
 from surfuse.report.colours import ANCHORS, colourise
 from surfuse.report.meshes import both_windings, map_mesh
 from surfuse.report.moving_parts import BEAM_LEGEND
@@ -19,6 +20,7 @@ Layer = Literal["height", "sigma"]
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 _COLOURS: dict[Layer, str] = {"height": "viridis", "sigma": "magma"}
 _MEANING: dict[Layer, str] = {"height": "height w above the part plane", "sigma": "standard deviation of the height"}
+EVEN_LIGHT = 2.0
 _LEAST_SPAN_M: dict[Layer, float] = {"height": 1e-3, "sigma": 1e-5}
 
 
@@ -56,16 +58,13 @@ def coloured_mesh(surface: SurfaceMap, most_nodes: int, shown: ColourRange) -> t
         _, _, values = map_mesh(surface, most_nodes, surface.sigma_m)
     # The GLB path carries vertex colours but draws front sides only.
     twice, both = both_windings(vertices, faces)
-    colours = _as_linear_light(colourise(np.tile(values, 2), shown.low_m, shown.high_m, _COLOURS[shown.layer]))
+    colours = colourise(np.tile(values, 2), shown.low_m, shown.high_m, _COLOURS[shown.layer])
     return trimesh.Trimesh(twice, both, vertex_colors=colours, process=False)
 
 
-def _as_linear_light(colours: ByteArray) -> ByteArray:
-    """Colours (N, 3) as the player takes them: without the curve of the screen (IEC 61966-2-1)."""
-    share = colours / 255.0
-    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    result: ByteArray = np.round(255.0 * linear).astype(np.uint8)
-    return result
+def add_even_light(scene: viser.SceneApi) -> None:
+    """Light from everywhere, by which colours look as in the legend on whichever side they are seen."""
+    scene.add_light_ambient("/light", intensity=EVEN_LIGHT)
 
 
 def legend_html(shown: ColourRange | None, beams: bool) -> str:

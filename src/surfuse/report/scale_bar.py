@@ -29,7 +29,8 @@ def add_scale_bar(
     """Stand the bars beside the lower corner of the box from low to high (2,) in the part frame."""
     extent_m = float(np.max(high_uv_m - low_uv_m))
     length, away = round_length(extent_m), 0.06 * extent_m
-    corner = np.array([*(low_uv_m - away), 0.0])
+    # Beside the part, not below it, where the table is.
+    corner = np.array([low_uv_m[0] - away, low_uv_m[1], 0.0])
     ends = np.stack([np.tile(corner, (3, 1)), corner + length * np.eye(3)], axis=1)
     world = transform_points(world_from_part, ends.reshape(-1, 3)).reshape(3, 2, 3)
     colours = np.repeat(np.array([colour for _, colour in _AXES], dtype=np.uint8)[:, None], 2, axis=1)

@@ -8,7 +8,7 @@ import viser
 from surfuse.geometry.poses import transform_points
 from surfuse.records import FloatArray, Gate, IntArray, Readings
 from surfuse.report.content import ReportContent
-from surfuse.report.map_layers import ColourRange, Layer, colour_range, coloured_mesh
+from surfuse.report.map_layers import ColourRange, Layer, add_even_light, colour_range, coloured_mesh
 from surfuse.report.meshes import map_mesh
 from surfuse.report.moving_parts import (
     KEPT_OUT,
@@ -68,6 +68,7 @@ class ScanScene:
         sweeps = readings.n_sweeps if readings else 0
         self.moments = np.unique(np.linspace(0, max(sweeps - 1, 0), min(sweeps, limits.frames_max)).astype(np.int64))
         _aim_camera(server, content)
+        add_even_light(server.scene)
         self._add_cell()
         self._add_surfaces()
         self._clouds: list[viser.PointCloudHandle] = []

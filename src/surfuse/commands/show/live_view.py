@@ -16,6 +16,7 @@ from surfuse.commands.show.map_so_far import MapSoFar, WorkShare
 from surfuse.commands.show.observer import PlannedScan
 from surfuse.records import SurfaceMap, Sweep
 from surfuse.report.live_scene import LiveScene
+from surfuse.report.map_layers import add_even_light
 from surfuse.report.page_guard import LOOPBACK
 from surfuse.report.playback import TICK_S
 from surfuse.report.quiet_viewer import loopback_server
@@ -25,6 +26,9 @@ PERIOD_S = 0.5
 
 DRAWING_SHARE, MAP_SHARE = 0.01, 0.02
 """Shares of the time that drawing stops, and making the map, may take of a processor."""
+
+FIRST_PREVIEW_S = 1.0
+"""Processor time of the first map of a method's own; it makes tables that the next ones use."""
 
 PATIENCE_S = 5.0
 """A page that is loaded again is away for a moment."""
@@ -117,6 +121,7 @@ class _Drawer:
         self._drawing, self._mapping = WorkShare(DRAWING_SHARE), WorkShare(MAP_SHARE)
         self._drawn_s, self._first_s, self._last_s, self._came = 0.0, math.inf, 0.0, 0
         self._count, self._mapped, self._final = 0, 0, False
+        self._preview_s = FIRST_PREVIEW_S
         for sweep in scan.done:
             self._keep(sweep)
 
@@ -151,9 +156,13 @@ class _Drawer:
         if self._mapped < self._count and self._mapping.allows():
             began_s = time.thread_time()
             self._mapped = self._count
-            if (surface := self._map.surface()) is not None:
+            preview = self._map.can_preview() and self._mapping.allows(self._preview_s)
+            if (surface := self._map.surface(preview)) is not None:
                 self._scene.show_map(surface)
-            self._mapping.spend(time.thread_time() - began_s)
+            spent_s = time.thread_time() - began_s
+            self._mapping.spend(spent_s)
+            if preview:
+                self._preview_s = spent_s
 
     def _status(self) -> str:
         total = len(self._scan.plan)
@@ -181,6 +190,8 @@ def live_view(port: int, warn: Callable[[str], None], announce: Callable[[str], 
     UsageError : the port cannot be had.
     """
     with loopback_server(port, "surfuse: live") as server:
+        # Before the first page comes: one that is open already does not notice a new light.
+        add_even_light(server.scene)
         view = LiveView(server, warn)
         announce(f"http://{LOOPBACK}:{server.get_port()}")
         with view.drawing():

@@ -25,9 +25,9 @@ class WorkShare:
     def __post_init__(self) -> None:
         self._began_s = self.clock_s()
 
-    def allows(self) -> bool:
-        """Whether more work may begin now."""
-        return self.spent_s <= self.share * (self.clock_s() - self._began_s)
+    def allows(self, expected_s: float = 0.0) -> bool:
+        """Whether work that is expected to cost so much processor time may begin now."""
+        return self.spent_s + expected_s <= self.share * (self.clock_s() - self._began_s)
 
     def spend(self, work_s: float) -> None:
         """So much processor time was worked."""
@@ -38,8 +38,8 @@ class WorkShare:
 class MapSoFar:
     """Fusion beside the fusion of the scan, with a state of its own.
 
-    A method that can show its map does so when it may, around all sweeps since it was last asked; the
-    cells that it does not know yet have the fused points of their stops, as all cells have with any other method.
+    A method that can show its own map is asked for it now and then; the cells that this map does not know yet have the
+    fused points of their stops, as all cells have with any other method.
     """
 
     scan: PlannedScan
@@ -49,24 +49,28 @@ class MapSoFar:
     def __post_init__(self) -> None:
         self._method = self.scan.fresh_method()
         self._state = self._method.start(self.scan.scene)
+        self._own: SurfaceMap | None = None
         self._grid = lattice(self.scan.plan.uv_m, self.scan.scene.world_from_part)
 
     def take(self, sweep: Sweep) -> None:
         """One sweep more; the work is done when the map is wanted."""
         self._waiting.append(sweep)
 
-    def surface(self) -> SurfaceMap | None:
-        """The map now; None before the first sweep."""
+    def can_preview(self) -> bool:
+        """Whether the method can show its own map, without compiling anything for it."""
+        return isinstance(self._method, LiveMapping) and self.scan.may_preview()
+
+    def surface(self, preview: bool) -> SurfaceMap | None:
+        """The map now, None before the first sweep; with the method's own map brought up to now if `preview`."""
         self._points += [self._method.step(self._state, sweep) for sweep in self._waiting]
         self._waiting.clear()
         if not self._points:
             return None
-        if len(self._points) > 64:
-            self._points = [stacked_points(self._points)]
-        plain = grid_points(stacked_points(self._points), self._grid, self._method.name, self.scan.scene.outline)
-        if not isinstance(self._method, LiveMapping) or not self.scan.may_preview():
-            return plain
-        return filled(self._method.preview(self._state, self._grid), plain)
+        self._points = [stacked_points(self._points)]
+        plain = grid_points(self._points[0], self._grid, self._method.name, self.scan.scene.outline)
+        if preview and isinstance(self._method, LiveMapping):
+            self._own = self._method.preview(self._state, self._grid)
+        return plain if self._own is None else filled(self._own, plain)
 
 
 def filled(first: SurfaceMap, second: SurfaceMap) -> SurfaceMap:
