@@ -14,7 +14,7 @@ import surfuse
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("[RC]*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").rglob("*.md")])
-FILE_ENDINGS = ("toml", "csv", "nc", "html", "md")
+FILE_ENDINGS = ("py", "toml", "csv", "nc", "html", "md")
 PLACES = (ROOT / "src" / "surfuse", ROOT, ROOT / "examples")
 ROOMS = {module.name for module in pkgutil.iter_modules(surfuse.__path__)}
 FILE = re.compile(r"`((?:[\w-]+/)+[\w-]+\.(?:py|dbc|md|toml)|(?:[\w-]+/)*[\w-]+/)`(?:: ((?:`\w+`(?:, )?)+))?")
