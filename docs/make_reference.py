@@ -13,11 +13,13 @@ from typing import Literal, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
 
 import surfuse
 from surfuse import registry
 from surfuse.commands.explain.evidence_records import ReadingEvidence, StopEvidence
 from surfuse.settings import Settings
+from surfuse.settings.rig_tables import AreaSettings, SensorSettings
 
 REFERENCE = Path(__file__).parent / "reference"
 COMMAND = "python docs/make_reference.py"
@@ -43,6 +45,15 @@ A cell file (TOML) has a table for each section; `--set section.key=value` and t
 the same keys. `run.toml` of a run holds all of them. Lengths are in metres, angles in degrees; the unit 1 stands for
 numbers without one. Later sources win: defaults, cell file, `--set`, options of the command.
 """
+
+DRIVERS_TEXT = """\
+## Keys of the drivers
+
+They stand in the table that names the driver: `[arm]` or `[[sensor]]`.
+"""
+NEEDED = "needed"
+RIG_TABLES = {"[[sensor]]": SensorSettings, "[area]": AreaSettings}
+DRIVERS = {"arms": ("bridge", "ur_rtde"), "sensors": ("a02yyuw", "hcsr04", "iio", "maxbotix", "tfmini")}
 
 PARAMETERS_TEXT = """\
 ## Parameters of the fusion methods
@@ -96,7 +107,23 @@ def settings_page() -> str:
         section = field.annotation
         if _is_section(field) and isinstance(section, type) and issubclass(section, BaseModel):
             text += f"\n## `[{name}]`\n\n{_plain(section)}\n\n" + _table(section.model_fields)
-    return text + "\n" + "".join(_parameters())
+    for head, table in RIG_TABLES.items():
+        text += f"\n## `{head}`\n\n{_plain(table)}\n\n" + _table(table.model_fields)
+    return text + "\n" + "".join(_driver_keys()) + "\n" + "".join(_parameters())
+
+
+def _driver_keys() -> Iterator[str]:
+    yield DRIVERS_TEXT
+    for kind, names in DRIVERS.items():
+        for name in names:
+            module = registry.load(kind, name)
+            yield f"\n### `{name}`\n\n{module.SUMMARY[0].upper()}{module.SUMMARY[1:]}.\n\n"
+            yield "| key | default | unit |\n|---|---|---|\n"
+            for field in dataclasses.fields(module.Parameters):
+                if not field.metadata.get("given_by_rig"):
+                    default = NEEDED if field.default is dataclasses.MISSING else _value(field.default)
+                    yield f"| `{field.name}` | {default} | {unit_of(field.name, type(field.default))} |\n"
+            yield f"\n{_plain(module.Parameters)}\n"
 
 
 def _is_section(field: FieldInfo) -> bool:
@@ -113,6 +140,8 @@ def _table(fields: dict[str, FieldInfo]) -> str:
 
 
 def _value(value: object) -> str:
+    if value is PydanticUndefined:
+        return NEEDED
     if value is None:
         return "-"
     if isinstance(value, bool):

@@ -11,8 +11,8 @@ from surfuse.cli import _options as options
 
 HELP = """Record while somebody else moves the arm, until Ctrl-C; then fuse what was seen.
 
-surfuse moves nothing: a person guides the arm, or its own program runs. The arm may be one of a bridge that says
-"arm": null.
+Nothing is moved by surfuse: a person guides the arm, or its own program runs. The arm may be one of a bridge that
+says "arm": null.
 
 \b
 Examples:

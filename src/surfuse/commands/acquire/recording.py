@@ -23,7 +23,7 @@ from surfuse.commands.outcome import Outcome, Watcher, finite
 from surfuse.errors import ConfigError, DataError, DeviceError, InterruptError, SafetyStopError
 from surfuse.exporters import nc
 from surfuse.interfaces import FusionMethod
-from surfuse.records import FusionScene, Gap, Sweep
+from surfuse.records import FusionResult, FusionScene, Gap, SurfaceMap, Sweep
 from surfuse.rig.area import outline_of
 from surfuse.rig.assembled import assembled
 from surfuse.rig.devices import Rig
@@ -33,6 +33,7 @@ from surfuse.runs.log_files import segment_paths
 from surfuse.runs.log_records import Level, LogEvent
 from surfuse.runs.log_writer import LogWriter
 from surfuse.runs.recorded_log import RECORDED
+from surfuse.runs.scan_log import ScanLog
 from surfuse.runs.scan_source import LogSource
 from surfuse.settings import Settings
 
@@ -191,30 +192,35 @@ def _map(run: RunFolder, method: FusionMethod, watcher: Watcher, tally: Tally, b
     result, surface = fused(scan, method, grid)
     require_cells(surface, str(run.path))
     nc.write(run.surface, surface, points=result.points)
-    times = scan.readings.t_s
-    data: dict[str, object] = {
+    data = _summary(scan, result, surface, tally)
+    run.write_text(run.summary, json.dumps(finite(data), indent=2) + "\n")
+    watcher.stage("report")
+    write_report(run, run.report)
+    wall_s = time.perf_counter() - began
+    rows = [
+        ("readings", f"{data['readings']} in {data['stops']} sweeps, {tally.left_out} left out"),
+        ("cells", f"{data['cells']} with a value, median sigma {data['median_sigma_mm']:.2f} mm"),
+        ("wall time", f"{wall_s:.1f} s"),
+        ("map", str(run.surface)),
+        ("report", str(run.report)),
+    ]
+    files = {"run": str(run.path), "map": str(run.surface), "report": str(run.report)}
+    return Outcome({**files, **data, "wall_time_s": wall_s}, rows)
+
+
+def _summary(scan: ScanLog, result: FusionResult, surface: SurfaceMap, tally: Tally) -> dict[str, object]:
+    duration_s = float(np.ptp(scan.readings.t_s))
+    return {
         "surfuse": __version__,
-        "method": method.name,
-        "readings": len(times),
+        "method": surface.method,
+        "readings": len(scan.readings.t_s),
         "stops": scan.readings.n_sweeps,
         "left_out": tally.left_out,
-        "rate_hz": tally.sweeps / max(float(np.ptp(times)), 1e-3),
-        "robot_time_s": float(np.ptp(times)),
+        "rate_hz": tally.sweeps / max(duration_s, 1e-3),
+        "robot_time_s": duration_s,
         "gaps": int((result.points.gap != int(Gap.NONE)).sum()),
         "cells": int(surface.mask.sum()),
         "median_sigma_mm": 1e3 * float(np.median(surface.sigma_m[surface.mask])),
         "frame_estimated": scan.frame_estimated,
         "warnings": list(scan.warnings),
     }
-    run.write_text(run.summary, json.dumps(finite(data), indent=2) + "\n")
-    watcher.stage("report")
-    write_report(run, run.report)
-    rows = [
-        ("readings", f"{len(times)} in {scan.readings.n_sweeps} sweeps, {tally.left_out} left out"),
-        ("cells", f"{data['cells']} with a value, median sigma {data['median_sigma_mm']:.2f} mm"),
-        ("wall time", f"{time.perf_counter() - began:.1f} s"),
-        ("map", str(run.surface)),
-        ("report", str(run.report)),
-    ]
-    files = {"run": str(run.path), "map": str(run.surface), "report": str(run.report)}
-    return Outcome({**files, **data, "wall_time_s": time.perf_counter() - began}, rows)
