@@ -19,7 +19,7 @@ DRIVERS = ("kinematic", "trident")
 
 
 def cell(driver: str = "kinematic"):
-    return simulated_rig(load(None, [f"arm.driver={driver}", "scene.name=flat"]))
+    return simulated_rig(load(None, [f"arm.driver={driver}", "scene.name=flat"])).motion
 
 
 def plate(azimuth_deg: float, radius_m: float = 1.05) -> Outline:

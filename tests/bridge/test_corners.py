@@ -45,6 +45,8 @@ SCRIPT = [*CORNERS, "done"]
 class Guide(SilentWatcher):
     """Moves the arm over the next corner of the script, or answers a word; stops the scan after so many sweeps."""
 
+    attended = True
+
     def __init__(self, rig, script, sweeps=1000):
         self.rig, self.script, self.sweeps, self.heard = rig, list(script), sweeps, []
 
@@ -80,7 +82,7 @@ def corners_of(run):
 
 
 def test_the_shown_corners_lie_on_the_surface_and_are_scanned(rig, cell, tmp_path):
-    outcome = acquire(cell, tmp_path / "run", Guide(rig, SCRIPT))
+    outcome = acquire(cell, tmp_path / "run", Guide(rig, SCRIPT), yes=True)
     assert outcome.complete
     assert_allclose(corners_of(tmp_path / "run"), [(x, y, 0.1 * x) for x, y in CORNERS], atol=1e-9)
     surface = nc.read(tmp_path / "run" / "surface.nc")
@@ -89,16 +91,16 @@ def test_the_shown_corners_lie_on_the_surface_and_are_scanned(rig, cell, tmp_pat
 
 
 def test_a_run_that_goes_on_does_not_ask_again(rig, cell, tmp_path):
-    assert not acquire(cell, tmp_path / "run", Guide(rig, SCRIPT, sweeps=3)).complete
+    assert not acquire(cell, tmp_path / "run", Guide(rig, SCRIPT, sweeps=3), yes=True).complete
     nobody = Guide(rig, [])
-    assert resume(tmp_path / "run", nobody).complete
+    assert resume(tmp_path / "run", nobody, yes=True).complete
     assert nobody.heard == []
 
 
 def test_words_drop_a_corner_and_end(rig, cell, tmp_path):
     script = [(0.3, 0.3), "undo", *CORNERS[:2], "done", "what", (0.2, 0.0), "done", CORNERS[2], "undo", *CORNERS[2:]]
     guide = Guide(rig, [*script, "DONE "])
-    acquire(cell, tmp_path / "run", guide)
+    acquire(cell, tmp_path / "run", guide, yes=True)
     said = " ".join(guide.heard)
     assert "2 corners enclose no area: show another corner" in said
     assert "'what' is not understood" in said
@@ -114,13 +116,13 @@ def test_without_an_echo_the_corner_is_where_the_tool_is(rig, cell, tmp_path):
 
 def acquire_until_planned(rig, cell, run):
     """Only the corners count: the scan is stopped before its first sweep."""
-    assert not acquire(cell, run, Guide(rig, SCRIPT, sweeps=0)).complete
+    assert not acquire(cell, run, Guide(rig, SCRIPT, sweeps=0), yes=True).complete
 
 
 @pytest.mark.parametrize("watcher", [SilentWatcher, lambda: Guide(None, [None])])
 def test_where_nobody_can_be_asked_one_error_says_what_to_do(cell, tmp_path, watcher):
     with pytest.raises(ConfigError, match=r"no terminal; run it on a terminal, or give corners_m"):
-        acquire(cell, tmp_path / "run", watcher())
+        acquire(cell, tmp_path / "run", watcher(), yes=True)
 
 
 def test_a_terminal_is_asked_and_a_pipe_is_not(monkeypatch, capsys):
@@ -130,6 +132,7 @@ def test_a_terminal_is_asked_and_a_pipe_is_not(monkeypatch, capsys):
 
     for stdin, answer in ((Terminal("done\n"), "done"), (Terminal(""), None), (io.StringIO("done\n"), None)):
         monkeypatch.setattr(sys, "stdin", stdin)
+        monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
         with TerminalWatcher(quiet=True, checkpoints=False) as watcher:
             assert watcher.ask("Where?") == answer
     assert capsys.readouterr().err.count("Where?\n> ") == 2

@@ -59,7 +59,7 @@ def read_answer(fields, kind):
             return answers.decode_sweep(fields, ("us0", "us1"))
         case Question.IMAGE:
             return answers.decode_image(fields, CameraOfBridge(4, 3))
-        case Question.BYE:
+        case Question.BEGIN | Question.BYE:
             return fields
 
 

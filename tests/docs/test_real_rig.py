@@ -114,4 +114,4 @@ def test_a_message_of_the_page_comes_when_it_says(message, tmp_path):
     )
     (tmp_path / "rig.toml").write_text(text, "utf-8")
     with pytest.raises(SurfuseError, match=re.escape(message)):
-        acquire(settings.load(tmp_path / "rig.toml"), tmp_path / "run", SilentWatcher())
+        acquire(settings.load(tmp_path / "rig.toml"), tmp_path / "run", SilentWatcher(), yes=True)

@@ -11,6 +11,9 @@ from surfuse.errors import ConfigError
 from surfuse.records import FloatArray, LateTable, SensorSpec
 from surfuse.settings.rig_tables import SensorSettings
 
+ASSUMED_INCIDENCE_RAD, ASSUMED_FIRING_S = float(np.radians(25.0)), 0.05
+"""What is assumed of a sensor of which neither its table nor its driver says more."""
+
 
 def places(sensors: Sequence[SensorSettings]) -> tuple[FloatArray, FloatArray]:
     """Positions (S, 3) and unit axes (S, 3) of the sensors in the frame of the tool."""
@@ -39,6 +42,7 @@ def check_directions(sensors: Sequence[SensorSettings]) -> None:
 def described_spec(sensor: SensorSettings, usual: SensorSpec) -> SensorSpec:
     """What is known of a sensor: what its table says, else what its driver says of it."""
     beam_rad = None if sensor.beam_full_angle_deg is None else float(np.radians(sensor.beam_full_angle_deg))
+    incidence_rad = None if sensor.incidence_limit_deg is None else float(np.radians(sensor.incidence_limit_deg))
     return replace(
         usual,
         name=sensor.name,
@@ -49,8 +53,8 @@ def described_spec(sensor: SensorSettings, usual: SensorSpec) -> SensorSpec:
         sigma_m=_known(sensor.sigma_m, usual.sigma_m),
         frequency_hz=usual.frequency_hz if sensor.frequency_hz is None else sensor.frequency_hz,
         aperture_m=usual.aperture_m if sensor.aperture_m is None else sensor.aperture_m,
-        incidence_limit_rad=float(np.radians(sensor.incidence_limit_deg)),
-        firing_time_s=sensor.firing_time_s,
+        incidence_limit_rad=_known(incidence_rad, usual.incidence_limit_rad),
+        firing_time_s=_known(sensor.firing_time_s, usual.firing_time_s),
         dead_length_m=sensor.dead_length_m,
         late=_late(sensor) or usual.late,
     )

@@ -13,7 +13,7 @@ from surfuse.node.bus_time import sweep_bus_s
 from surfuse.node.link import BusParameters
 from surfuse.physics.air import speed_of_sound
 from surfuse.records import CameraModel, Fixture, FloatArray, SensorSpec
-from surfuse.rig.described_sensors import described_spec, places
+from surfuse.rig.described_sensors import ASSUMED_FIRING_S, ASSUMED_INCIDENCE_RAD, described_spec, places
 from surfuse.rig.mounts import Mount
 from surfuse.sensors import polaroid
 from surfuse.settings import NO_BUS, BusSettings, Settings
@@ -34,7 +34,7 @@ def array_fixture(settings: Settings) -> Fixture:
     """The array: the sensors that the configuration lists, else the paper's square of four."""
     if not settings.sensor:
         return square_fixture(settings)
-    specs = tuple(described_spec(sensor, array_spec(settings, sensor.name)) for sensor in settings.sensor)
+    specs = tuple(described_spec(sensor, _assumed_spec(settings, sensor.name)) for sensor in settings.sensor)
     return Fixture(grip_from_sensors(*places(settings.sensor)), specs)
 
 
@@ -55,6 +55,13 @@ def array_spec(settings: Settings, name: str) -> SensorSpec:
         range_min_m=nearest_range_m(settings, kit.tube_length_m),
         dead_length_m=kit.tube_length_m,
         firing_time_s=firing_s,
+    )
+
+
+def _assumed_spec(settings: Settings, name: str) -> SensorSpec:
+    """What is taken for a sensor that the configuration lists, where its table does not say it."""
+    return replace(
+        array_spec(settings, name), incidence_limit_rad=ASSUMED_INCIDENCE_RAD, firing_time_s=ASSUMED_FIRING_S
     )
 
 

@@ -47,8 +47,12 @@ class SensorSettings(RigTable):
     range_min_m: float | None = Field(None, ge=0.0, le=100.0, description="nearest range that it can give")
     range_max_m: float | None = Field(None, gt=0.0, le=100.0, description="farthest range that it can give")
     sigma_m: float | None = Field(None, gt=0.0, le=10.0, description="standard deviation of a reading")
-    incidence_limit_deg: float = Field(25.0, gt=0.0, lt=90.0, description="largest usable angle of incidence")
-    firing_time_s: float = Field(0.05, ge=0.0, le=60.0, description="time that a reading takes")
+    incidence_limit_deg: float | None = Field(
+        None, gt=0.0, lt=90.0, description="largest usable angle of incidence; default: the driver's, else 25"
+    )
+    firing_time_s: float | None = Field(
+        None, ge=0.0, le=60.0, description="time that a reading takes; default: the driver's, else 0.05"
+    )
     frequency_hz: float | None = Field(None, gt=0.0, description="of sound")
     aperture_m: float | None = Field(None, gt=0.0, le=1.0, description="diameter of the mouth or the transducer")
     dead_length_m: float = Field(0.0, ge=0.0, le=10.0, description="from the face to where the beam starts (a tube)")
