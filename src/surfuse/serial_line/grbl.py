@@ -16,7 +16,7 @@ from surfuse.serial_line.gcode_words import Millimetres, axes_words, shown
 from surfuse.serial_line.grbl_words import ALARMS, ERRORS, POSITION_KEPT
 
 _NUMBER = r"(-?\d+\.\d+)"
-_THREE = rf"{_NUMBER},{_NUMBER},{_NUMBER}"
+_THREE = rf"{_NUMBER},{_NUMBER},{_NUMBER}(?:,-?\d+\.\d+)*"  # boards with more axes tell more
 _REPORT = re.compile(rf"<([A-Z][a-z]+)(?::(\d+))?\|(MPos|WPos):{_THREE}(?:\|[^<>]*)?>")
 _OFFSET = re.compile(rf"\|WCO:{_THREE}[|>]")
 _CONTACT = re.compile(rf"\[PRB:{_THREE}:([01])\]")
