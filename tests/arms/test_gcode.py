@@ -147,6 +147,12 @@ def test_work_positions_are_read_with_their_offset(grbl):
         assert_allclose(arm.move_to_pose(SOMEWHERE).world_from_tool, SOMEWHERE, atol=1e-9)
 
 
+def test_more_axes_than_three_do_not_matter(grbl):
+    grbl.more_axes, grbl.report, grbl.offset_mm = ",7.500,-1.000", "WPos", (5.0, 0.0, 0.0)
+    with create(parameters(grbl, "grbl")) as arm:
+        assert_allclose(arm.move_to_pose(SOMEWHERE).world_from_tool, SOMEWHERE, atol=1e-9)
+
+
 def test_reports_in_inches_are_refused(grbl):
     grbl.inches = True
     with pytest.raises(DeviceError, match=r"inches") as caught, create(parameters(grbl, "grbl")):

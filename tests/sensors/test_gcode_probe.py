@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from surfuse.acquisition.scan import WalkHooks, scan
+from surfuse.acquisition.stop_arm import PoseStopArm
 from surfuse.arms import gcode
 from surfuse.errors import ConfigError, SafetyStopError
 from surfuse.geometry.poses import pose
-from surfuse.records import Status
+from surfuse.records import Fixture, Outline, ScanPlan, Status
+from surfuse.rig import sequential_array
 from surfuse.sensors.gcode_probe import Parameters, create
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs a pseudo-terminal")
@@ -52,6 +55,28 @@ def test_the_range_is_the_way_to_the_contact_and_the_arm_finds_the_machine_where
         echo = probe.fire()
         assert (echo.status, echo.range_m) == (Status.OK, pytest.approx(height_m - 0.07, abs=1e-5))
         assert_allclose(arm.tool_state().world_from_tool[:3, 3], [0.02, 0.03, height_m], atol=1e-5)
+
+
+def test_a_scan_by_touch_maps_the_part_stop_by_stop(rig, board):
+    arm, probe = rig
+    places = [(0.02 * i, 0.03 * j, 0.1) for j in range(2) for i in range(3)]
+    outline = Outline([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]], np.eye(4))
+    grips = np.array([pose(DOWN, [*place]) for place in places])
+    uv, rows = np.array(places)[:, :2], np.array([0, 0, 0, 1, 1, 1])
+    plan = ScanPlan(grips, uv, rows, np.zeros((6, 0)), outline, 0.02, 0.03)
+    array = sequential_array.create(Fixture(np.eye(4)[None], (probe.spec,)), [probe])
+    heights = {0: 70.0, 1: 71.5, 2: 72.0, 3: 80.0, 4: 60.0, 5: 70.0}
+    found = {}
+
+    def raise_part(stop):
+        board.part_mm = heights[stop]
+
+    def keep(sweep):
+        found[sweep.stop] = 100.0 - 1e3 * sweep.range_m[0]
+
+    outcome = scan(plan, PoseStopArm(arm, np.eye(4)), array, WalkHooks(keep, raise_part))
+    assert outcome.finished
+    assert found == {stop: pytest.approx(height, abs=0.01) for stop, height in heights.items()}
 
 
 def test_nothing_within_reach_is_an_answer(rig, board):

@@ -176,9 +176,9 @@ def test_an_answer_that_was_damaged_once_is_asked_for_again(kit):
     "damage",
     [
         lambda line: line[:-4] + b"\r\n" if b"PING" in line else line,
-        lambda line: b"" if b"PING,3" in line or b"PING" in line else line,
+        lambda line: b"" if b",3,5," in line else line,
         lambda line: line.replace(b"PING", b"P\xffNG"),
-        lambda line: line + b"\x00" * 3000 if b"PING" in line else line,
+        lambda line: line + b"\x00" * 700 if b"PING" in line else line,
     ],
 )
 def test_answers_that_are_damaged_again_and_again_are_a_fault(kit, damage):
@@ -187,7 +187,8 @@ def test_answers_that_are_damaged_again_and_again_are_a_fault(kit, damage):
         echo = sensor.fire()
         assert (echo.status, echo.count) == (Status.FAULT, 0)
         kit.kit.damage = lambda line: line
-        assert sensor.fire().status is Status.OK
+        # What was said before may still be on its way.
+        assert any(sensor.fire().status is Status.OK for _ in range(50))
 
 
 @posix

@@ -174,6 +174,7 @@ class Grbl(Board):
     """Real-time bytes are obeyed between the bytes of a line; `ok` comes when a line is in the planner.
 
     `report` is MPos or WPos; then `offset_mm` goes with every tenth report. `locked`: as after a start with homing.
+    `more_axes` is what a board with more than three adds to every place.
     """
 
     banner = b"\r\nGrbl 1.1h ['$' for help]\r\n"
@@ -181,6 +182,7 @@ class Grbl(Board):
     locked = False
     inches = False
     offset_mm = (0.0, 0.0, 0.0)
+    more_axes = ""
 
     def __enter__(self):
         self._held, self._alarm, self._probing, self._reports = False, self.locked, None, 0
@@ -207,8 +209,8 @@ class Grbl(Board):
         self._reports += 1
         work = self.report == "WPos"
         x, y, z = (a - b * work for a, b in zip(self.where(), self.offset_mm, strict=True))
-        where = f"{self.report}:{x:.3f},{y:.3f},{z:.3f}"
-        offset = "|WCO:{:.3f},{:.3f},{:.3f}".format(*self.offset_mm) if self._reports % 10 == 0 else ""
+        where = f"{self.report}:{x:.3f},{y:.3f},{z:.3f}{self.more_axes}"
+        offset = "|WCO:{:.3f},{:.3f},{:.3f}".format(*self.offset_mm) + self.more_axes if self._reports % 10 == 0 else ""
         self.say(f"<{self._state()}|{where}|FS:0,0{offset}>\r\n".encode())
 
     def _state(self):
@@ -245,5 +247,5 @@ class Grbl(Board):
         if self._probing is not None and not self.axes.moves():
             x, y, z = self.where()
             touched, self._probing = int(self._probing), None
-            self.say(f"[PRB:{x:.3f},{y:.3f},{z:.3f}:{touched}]\r\n".encode())
+            self.say(f"[PRB:{x:.3f},{y:.3f},{z:.3f}{self.more_axes}:{touched}]\r\n".encode())
             self.say(b"ok\r\n")

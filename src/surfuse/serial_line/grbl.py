@@ -16,11 +16,11 @@ from surfuse.serial_line.gcode_words import Millimetres, axes_words, shown
 from surfuse.serial_line.grbl_words import ALARMS, ERRORS, POSITION_KEPT
 
 _NUMBER = r"(-?\d+\.\d+)"
-_THREE = rf"{_NUMBER},{_NUMBER},{_NUMBER}"
+_THREE = rf"{_NUMBER},{_NUMBER},{_NUMBER}(?:,-?\d+\.\d+)*"  # boards with more axes tell more
 _REPORT = re.compile(rf"<([A-Z][a-z]+)(?::(\d+))?\|(MPos|WPos):{_THREE}(?:\|[^<>]*)?>")
 _OFFSET = re.compile(rf"\|WCO:{_THREE}[|>]")
 _CONTACT = re.compile(rf"\[PRB:{_THREE}:([01])\]")
-_POLL_S = 0.02
+_POLL_S = 0.1  # GRBL asks not to be asked more often than 5 to 10 times a second
 _REST_S = 0.3  # GRBL may say Idle for a moment before it begins to move
 _HALT_S = 5.0
 _ASKS_FOR_OFFSET = 60
