@@ -51,7 +51,10 @@ class Answer:
 def run_command(*words: object) -> Answer:
     """Run `surfuse WORDS...` in this process, exactly as its console script does."""
     from surfuse import cli
+    from surfuse.cli import _progress
 
+    # A slow machine would otherwise add a line of progress to what a test reads.
+    _progress.LINE_EVERY_S = 1e6
     out, err = io.StringIO(), io.StringIO()
     before, sys.argv = sys.argv, ["surfuse", *map(str, words)]
     try:

@@ -11,6 +11,7 @@ from surfuse.motion.obstacles import Box, Floor, RingTable, part_box
 from surfuse.plan.approach import approach
 from surfuse.plan.scan_plan import PlanParameters, scan_plan
 from surfuse.records import Outline
+from surfuse.rig.devices import JointMotion
 from surfuse.rig.simulated.assembly import simulated_rig
 from surfuse.settings import load
 
@@ -18,8 +19,8 @@ PLATE = np.array([[-0.1, 0.0], [0.1, 0.0], [0.1, 0.2], [-0.1, 0.2]])
 DRIVERS = ("kinematic", "trident")
 
 
-def cell(driver: str = "kinematic"):
-    return simulated_rig(load(None, [f"arm.driver={driver}", "scene.name=flat"])).motion
+def cell(driver: str = "kinematic") -> JointMotion:
+    return simulated_rig(load(None, [f"arm.driver={driver}", "scene.name=flat"])).joint_motion("this cell")
 
 
 def plate(azimuth_deg: float, radius_m: float = 1.05) -> Outline:

@@ -14,7 +14,7 @@ from surfuse.errors import ConfigError
 from surfuse.extras import needed_by
 from surfuse.geometry.poses import is_rigid
 from surfuse.geometry.sensor_array import tool_from_grip
-from surfuse.interfaces import MACHINE_CLOCK, Arm, Clock, PoseArm
+from surfuse.interfaces import MACHINE_CLOCK, Arm, Clock, PoseArm, PoseArmSurroundings
 from surfuse.motion.arm_surroundings import ArmSurroundings
 from surfuse.motion.planners import slowed
 from surfuse.records import FloatArray
@@ -40,7 +40,7 @@ def real_rig(settings: Settings) -> Rig:
     rig = (
         Rig(clock=clock, array=array, motion=JointMotion(joints))
         if joints is not None
-        else Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge), tool_from_grip=grip)
+        else Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge, clock), tool_from_grip=grip)
     )
     if bridge is None:
         return rig
@@ -65,13 +65,13 @@ def _bridge_parameters(settings: Settings, bridge: SharedBridge | None) -> bridg
     return made
 
 
-def _pose_arm(settings: Settings, bridge: SharedBridge | None) -> PoseArm:
+def _pose_arm(settings: Settings, bridge: SharedBridge | None, clock: Clock) -> PoseArm:
     """An arm that is sent to poses."""
     if bridge is not None:
         return bridge_arm.create(_bridge_parameters(settings, bridge))
     name = settings.arm.driver or ""
     module = registry.load("arms", name)
-    made = module.create(registry.parameters("arms", name, settings.arm.parameters, "arm"))
+    made = module.create(registry.parameters("arms", name, settings.arm.parameters, "arm", PoseArmSurroundings(clock)))
     if not isinstance(made, PoseArm):
         raise ConfigError(
             f"arm.driver = '{name}' takes joints, and nothing says what the arm is",
