@@ -35,6 +35,9 @@ def refuse_contradictions(settings: Settings, specs: Sequence[SensorSpec]) -> No
                 cure=f"give a standoff above {spec.dead_length_m + _ROOM_M:.2f}, or a shorter kit.tube_length_m",
             )
         if standoff_m <= spec.range_min_m:
+            if settings.arm.is_real:
+                cure = f"give a standoff above {spec.range_min_m + _ROOM_M:.2f}, or correct its range_min_m"
+                raise ConfigError(f"{what} nearer than {spec.range_min_m:.3f} m", cure=cure)
             most_s = settings.kit.blanking_s * standoff_m / spec.range_min_m
             raise ConfigError(
                 f"{what} nearer than {spec.range_min_m:.3f} m (kit.blanking_s = {settings.kit.blanking_s:g})",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,8 @@ from surfuse.rig.devices import JointMotion, Rig
 from surfuse.rig.real.joint_bridge import JointBridgeArm
 from surfuse.rig.real.sensors import array_of
 from surfuse.settings import Settings
+
+_SHARED = {"speed_share", "settle_s"}
 
 
 def real_rig(settings: Settings) -> Rig:
@@ -57,12 +59,16 @@ def _bridge(settings: Settings) -> SharedBridge | None:
 
 def _bridge_parameters(settings: Settings, bridge: SharedBridge | None) -> bridge_arm.Parameters:
     surroundings = None if bridge is None else bridge_arm.Surroundings(bridge)
-    table = dict(settings.arm.parameters)
-    if "speed_share" not in table and settings.arm.speed_share < 1.0:
-        table["speed_share"] = settings.arm.speed_share
-    made = registry.parameters("arms", "bridge", table, "arm", surroundings)
+    made = registry.parameters("arms", "bridge", _table(settings, bridge_arm.Parameters), "arm", surroundings)
     assert isinstance(made, bridge_arm.Parameters)
     return made
+
+
+def _table(settings: Settings, parameters: type) -> dict[str, object]:
+    """The driver's keys of the table `[arm]`, and those that it shares with every arm where the user gave them."""
+    known = {field.name for field in fields(parameters)}
+    given = settings.arm.model_fields_set & known & _SHARED
+    return {**{name: getattr(settings.arm, name) for name in given}, **settings.arm.parameters}
 
 
 def _pose_arm(settings: Settings, bridge: SharedBridge | None, clock: Clock) -> PoseArm:
@@ -71,7 +77,8 @@ def _pose_arm(settings: Settings, bridge: SharedBridge | None, clock: Clock) -> 
         return bridge_arm.create(_bridge_parameters(settings, bridge))
     name = settings.arm.driver or ""
     module = registry.load("arms", name)
-    made = module.create(registry.parameters("arms", name, settings.arm.parameters, "arm", PoseArmSurroundings(clock)))
+    table = _table(settings, module.Parameters)
+    made = module.create(registry.parameters("arms", name, table, "arm", PoseArmSurroundings(clock)))
     if not isinstance(made, PoseArm):
         raise ConfigError(
             f"arm.driver = '{name}' takes joints, and nothing says what the arm is",
