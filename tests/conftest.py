@@ -7,8 +7,9 @@ import dataclasses
 import hashlib
 import io
 import json
+import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -65,6 +66,14 @@ def run_command(*words: object) -> Answer:
     finally:
         sys.argv = before
     raise AssertionError("a command always ends with an exit status")
+
+
+@pytest.fixture
+def ctrl_c_interrupts() -> Iterator[None]:
+    """A Ctrl-C is a KeyboardInterrupt, also where the tests run in the background of a shell, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session")

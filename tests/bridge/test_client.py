@@ -229,6 +229,7 @@ def test_a_move_too_slow_is_stopped_and_not_repeated():
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a signal for one thread")
+@pytest.mark.usefixtures("ctrl_c_interrupts")
 def test_ctrl_c_in_a_move_stops_the_arm_at_once():
     rig = TiltedPlane()
     rig.move_takes_s = 30.0

@@ -181,6 +181,7 @@ def test_ctrl_c_twice_stops_at_once_and_says_how_to_go_on(tmp_path, reference, h
     assert f"surfuse resume {run}" in out + err
 
 
+@pytest.mark.usefixtures("ctrl_c_interrupts")
 def test_ctrl_c_ends_a_fusion_at_once(tmp_path, command, reference, monkeypatch):
     def interrupted(*_: object) -> None:
         signal.raise_signal(signal.SIGINT)

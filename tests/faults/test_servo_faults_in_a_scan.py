@@ -99,7 +99,7 @@ def test_a_fault_ends_in_a_safe_stop_and_the_scan_goes_on(
 ) -> None:
     run, parts = tmp_path / "run", list[ServoArm]()
     with monkeypatch.context() as patch:
-        patch.setattr(acquisition, "simulated_rig", a_fault_at_a_stop(parts, happens))
+        patch.setattr(acquisition, "assembled", a_fault_at_a_stop(parts, happens))
         with pytest.raises(kind, match=told) as stopped:
             acquisition.acquire(SETTINGS, run, SilentWatcher())
     assert f"what was scanned is on disk, go on with 'surfuse resume {run}'" in str(stopped.value)

@@ -90,7 +90,7 @@ def test_a_printed_command_is_accepted(page, line, tmp_path, monkeypatch):
     scene = parameters.get("scene")
     assert scene is None or scene in SCENES or Path(scene).suffix in (".stl", ".ply", ".obj")
     method = parameters.get("method")
-    if method is not None and method not in ("NAME", "my_method") and words[0] in ("acquire", "fuse"):
+    if method is not None and method not in ("NAME", "my_method", "steady") and words[0] in ("acquire", "fuse"):
         registry.load("fusion", str(method))
 
 
