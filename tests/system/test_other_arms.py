@@ -119,7 +119,10 @@ def test_a_bad_arm_is_one_clear_error(command, tmp_path, case: str) -> None:
     [
         (("--tool", "flange"), "arm.tool = 'flange' without an arm file; give arm.file"),
         (("--arm", "gone.xml", "--tool", "flange"), "gone.xml: there is no such file; give an MJCF or URDF file"),
-        (("--arm-driver", "tridnet"), "did you mean 'trident'? valid: bridge, gcode, kinematic, simulated, trident, ur_rtde"),
+        (
+            ("--arm-driver", "tridnet"),
+            "did you mean 'trident'? valid: bridge, gcode, kinematic, simulated, trident, ur_rtde",
+        ),
         (
             ("--set", "arm.law=computed_torqe"),
             "did you mean 'computed_torque'? valid: computed_torque, gravity_pd, independent_pid, set_points_28ms",
