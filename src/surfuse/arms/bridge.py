@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
@@ -16,7 +14,7 @@ from surfuse.bridge.patience import Patience
 from surfuse.bridge.shared import SharedBridge
 from surfuse.bridge.transport import TcpTransport, Transport
 from surfuse.errors import ConfigError, DeviceError
-from surfuse.interfaces import GIVEN_BY_RIG
+from surfuse.interfaces import GIVEN_BY_RIG, OpenedTogether
 from surfuse.records import BoolArray, FloatArray, ToolState
 
 SUMMARY = "any arm, by a program of yours that answers the bridge protocol"
@@ -85,20 +83,12 @@ class Parameters:
         return TcpTransport(self.address, allow_remote=self.allow_remote)
 
 
-class BridgeArm:
+class BridgeArm(OpenedTogether):
     """The arm of a bridge, sent to poses; see `surfuse.interfaces.PoseArm`."""
 
     def __init__(self, parameters: Parameters, bridge: SharedBridge) -> None:
+        super().__init__(bridge)
         self._parameters, self._bridge = parameters, bridge
-
-    def __enter__(self) -> Self:
-        self._bridge.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bridge.__exit__(kind, error, trace)
 
     @property
     def client(self) -> BridgeClient:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from types import TracebackType
-from typing import Self
-
 import numpy as np
 
 from surfuse.bridge.messages import MoveTo, State
 from surfuse.bridge.shared import SharedBridge
 from surfuse.errors import DeviceError, SafetyStopError
-from surfuse.interfaces import Kinematics
+from surfuse.interfaces import Kinematics, OpenedTogether
 from surfuse.motion.arm_surroundings import ArmSurroundings
 from surfuse.motion.limits import check_position
 from surfuse.records import FloatArray, JointState
@@ -18,20 +15,12 @@ from surfuse.records import FloatArray, JointState
 _POSE_TOLERANCE_M = 0.01
 
 
-class JointBridgeArm:
+class JointBridgeArm(OpenedTogether):
     """An `Arm`; where the bridge also says a pose, it must be the one that the arm's file gives for its joints."""
 
     def __init__(self, bridge: SharedBridge, surroundings: ArmSurroundings, speed_share: float | None) -> None:
+        super().__init__(bridge)
         self._bridge, self._around, self._speed = bridge, surroundings, speed_share
-
-    def __enter__(self) -> Self:
-        self._bridge.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bridge.__exit__(kind, error, trace)
 
     @property
     def kinematics(self) -> Kinematics:
