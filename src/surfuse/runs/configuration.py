@@ -33,6 +33,10 @@ def configuration_text(values: Nested, seed: int) -> str:
         raise ConfigError(f"the table '{RUN_TABLE}' is written by surfuse itself", cure="rename the table")
     document = tomlkit.document()
     document.add(tomlkit.comment("the configuration of this run; 'surfuse acquire --cell run.toml' repeats it"))
+    # A value that is no table stands before the first table, or it would belong to that one.
+    for key, value in values.items():
+        if value is not None and not _has_tables(value):
+            document[key] = value
     run = tomlkit.table()
     run["format_version"] = FORMAT_VERSION
     run["seed"] = seed
@@ -47,21 +51,23 @@ def configuration_text(values: Nested, seed: int) -> str:
     run["packages"] = packages
     document[RUN_TABLE] = run
     for key, value in values.items():
-        if not _says_nothing(value):
+        if value is not None and _has_tables(value):
             document[key] = _item(value, 1)
     return tomlkit.dumps(document)
 
 
-def _says_nothing(value: object) -> bool:
-    """Whether a value is left out: none, and no tables of a list."""
-    return value is None or (isinstance(value, list | tuple) and not value)
+def _has_tables(value: object) -> bool:
+    """Whether a value is a table, or a list of tables."""
+    return isinstance(value, Mapping) or (
+        isinstance(value, list | tuple) and any(isinstance(one, Mapping) for one in value)
+    )
 
 
 def _item(value: object, depth: int) -> object:
     """A value, a table, or a list of tables, as the writer takes it."""
     if isinstance(value, Mapping):
         return _table(value, depth)
-    if isinstance(value, list | tuple) and any(isinstance(one, Mapping) for one in value):
+    if isinstance(value, list | tuple) and _has_tables(value):
         tables = tomlkit.aot()
         for one in value:
             tables.append(_table(one, depth))
