@@ -91,7 +91,7 @@ BROKEN = {
     "position_m = [25.0, 0.0, 0.0] is 25 m from the tool": ("position_m = [0.0, 0.0, 0.0]", "position_m = [25, 0, 0]"),
     "looks back at the tool": ("axis = [0.0, 0.0, 1.0]", "axis = [0.0, 0.0, -1.0]"),
     "hears nothing nearer than 0.200 m": ("range_min_m = 0.05", "range_min_m = 0.2\n# "),
-    "none of its 0 stops gave a value": ("origin_m = [-0.05, -0.05, 0.0]", "origin_m = [5.0, 5.0, 0.0]"),
+    "the arm refused all 77 stops": ("origin_m = [-0.05, -0.05, 0.0]", "origin_m = [5.0, 5.0, 0.0]"),
     "[area] jog = true asks for corners shown by hand, and there is no terminal": ("width_m = 0.10", "jog = true"),
 }
 

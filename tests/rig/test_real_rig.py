@@ -15,7 +15,7 @@ from surfuse.commands.acquire.acquisition import acquire, resume
 from surfuse.commands.acquire.dry_run import dry_run
 from surfuse.commands.machine.doctor import doctor
 from surfuse.commands.outcome import SilentWatcher
-from surfuse.errors import ConfigError, DeviceError, InterruptError, SafetyStopError, UsageError
+from surfuse.errors import ConfigError, DeviceError, InterruptError, SafetyStopError, UnreachableError, UsageError
 from surfuse.exporters import nc
 from surfuse.runs.log_reader import read_log
 from surfuse.settings import load
@@ -123,6 +123,50 @@ def test_a_dry_run_and_the_doctor_move_nothing(served, rig, tmp_path):
     assert found.summary["problems"] == []
     assert "0.5500 m" in found.summary["checks"]["us0"]["text"]
     assert (rig.moves, rig.sweeps) == (0, 1)
+
+
+def test_an_area_that_turns_its_back_is_refused_before_anything_moves(served, rig, tmp_path):
+    path = cell(tmp_path, served.address)
+    path.write_text(path.read_text("utf-8").replace("v = [0.0, 1.0, 0.0]", "v = [0.0, -1.0, 0.0]"), "utf-8")
+    for command in (
+        lambda: acquire(load(path), tmp_path / "run", SilentWatcher(), yes=True),
+        lambda: dry_run(load(path), None, SilentWatcher()),
+    ):
+        with pytest.raises(ConfigError, match=r"w = u x v .* along the beams .*; w points out of the part"):
+            command()
+    found = doctor(path, []).summary
+    assert found["problems"]
+    assert "along the beams" in found["checks"]["area"]["text"]
+    assert rig.moves == 0
+
+
+def test_when_the_arm_refuses_every_stop_nothing_is_called_complete(served, rig, tmp_path):
+    rig.refused_x_m = -1.0
+    with pytest.raises(UnreachableError, match=r"refused all 35 stops, the last because .*beyond the end of the rail"):
+        acquire(load(cell(tmp_path, served.address)), tmp_path / "run", SilentWatcher(), yes=True)
+    rig.refused_x_m = np.inf
+    assert resume(tmp_path / "run", SilentWatcher(), yes=True).complete
+    assert_is_the_plane(tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("sensor", "told"),
+    [
+        ("rnage_max_m = 1.0", r"'us0': unknown key 'rnage_max_m'; did you mean 'range_max_m'"),
+        ('driver = "tfmimi"', r"'us0': there is no driver 'tfmimi'; did you mean 'tfmini'"),
+    ],
+)
+def test_a_slip_in_the_table_of_a_sensor_is_named(served, tmp_path, sensor, told):
+    path = cell(tmp_path, served.address, f'[[sensor]]\nname = "us0"\n{sensor}\n{LASER}')
+    with pytest.raises(ConfigError, match=told):
+        acquire(load(path), tmp_path / "run", SilentWatcher(), yes=True)
+
+
+def test_millimetres_for_the_place_of_the_area_are_noticed(served, tmp_path):
+    path = cell(tmp_path, served.address)
+    path.write_text(path.read_text("utf-8").replace("[-0.06, -0.04, 0.0]", "[-60, -40, 0]"), "utf-8")
+    with pytest.raises(ConfigError, match=r"area.origin_m .* limit 30 m; give metres"):
+        load(path)
 
 
 def test_stops_that_the_arm_refuses_are_left_out(served, rig, tmp_path):

@@ -17,6 +17,7 @@ from surfuse.settings import Settings
 from surfuse.settings.rig_tables import AreaSettings
 
 _LEAST_SIDE_M = 1e-3
+_ALONG = 0.5
 
 
 def part_frame(area: AreaSettings) -> FloatArray:
@@ -25,6 +26,27 @@ def part_frame(area: AreaSettings) -> FloatArray:
     v = np.array(area.v) - (np.array(area.v) @ u) * u
     v /= np.linalg.norm(v)
     return pose(np.column_stack([u, v, np.cross(u, v)]), area.origin_m)
+
+
+def check_faces(world_from_part: FloatArray, world_from_grip: FloatArray) -> None:
+    """Refuse an area (pose (4, 4)) whose w points along the beams of the sensors as they stand now (pose (4, 4)).
+
+    Its stops would lie behind the surface, and the way to them leads through it.
+
+    Raises
+    ------
+    ConfigError : they are less than 60 degrees apart.
+    """
+    w, beams = world_from_part[:3, 2], world_from_grip[:3, 2]
+    if float(w @ beams) > _ALONG:
+        raise ConfigError(
+            f"w = u x v of the area is ({_numbers(w)}), along the beams of the sensors, ({_numbers(beams)})",
+            cure="w points out of the part, at the sensors: swap u and v, or negate one; or turn the tool to it",
+        )
+
+
+def _numbers(vector: FloatArray) -> str:
+    return ", ".join(f"{value:.2f}" for value in vector + 0.0)
 
 
 def area_of(settings: Settings) -> AreaSettings:

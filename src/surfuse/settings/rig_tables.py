@@ -16,6 +16,7 @@ Value = str | int | float | bool | list[str] | list[float]
 Vector = Annotated[tuple[float, float, float], Field(strict=False)]
 
 UNIT_TOLERANCE = 1e-3
+FARTHEST_AREA_M = 30.0
 TOOL_REACH_M = 2.0  # a sensor farther from the tool than this was typed in millimetres
 
 
@@ -101,8 +102,8 @@ class AreaSettings(RigTable):
     origin_m: Vector = Field((0.0, 0.0, 0.0), description="world: origin of the part frame, where the part begins")
     u: Vector = Field((1.0, 0.0, 0.0), description="unit vector along the scan lines, in the world")
     v: Vector = Field((0.0, 1.0, 0.0), description="unit vector across them; w = u x v points towards the sensors")
-    width_m: float | None = Field(None, gt=0.0, le=100.0, description="extent along u")
-    height_m: float | None = Field(None, gt=0.0, le=100.0, description="extent along v")
+    width_m: float | None = Field(None, gt=0.0, le=20.0, description="extent along u")
+    height_m: float | None = Field(None, gt=0.0, le=20.0, description="extent along v")
     tallest_m: float | None = Field(
         None, ge=0.0, le=10.0, description="nothing stands higher than this (w); default: half the standoff"
     )
@@ -121,6 +122,12 @@ class AreaSettings(RigTable):
                     f"area.{name} = {axis.tolist()} has the length {float(np.linalg.norm(axis)):.4g}, wanted 1",
                     cure="give a unit vector",
                 )
+        away = float(np.linalg.norm(self.origin_m))
+        if away > FARTHEST_AREA_M:
+            raise ConfigError(
+                f"area.origin_m = {list(self.origin_m)} is {away:.4g} m away, limit {FARTHEST_AREA_M:g} m",
+                cure="give metres (25 mm are 0.025)",
+            )
         if abs(float(u @ v)) > UNIT_TOLERANCE:
             angle = float(np.degrees(np.arccos(np.clip(u @ v, -1.0, 1.0))))
             raise ConfigError(f"area.u and area.v enclose {angle:.2f} degrees, wanted 90", cure="make v across u")

@@ -17,7 +17,7 @@ from surfuse.commands.acquire.locating import LocatedPart, finder, locate
 from surfuse.commands.acquire.planning import plan_for, scene_of
 from surfuse.commands.acquire.results import Finished, Scanned, bus_event, finish, outcome_of, statuses
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
-from surfuse.commands.acquire.walking import walk
+from surfuse.commands.acquire.walking import refuse_empty, walk
 from surfuse.commands.acquire.warm_up import wait_for, warm_up_beside
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, Watcher
@@ -163,6 +163,7 @@ def _acquire(run: RunFolder, job: Job, warm_up: Popen[bytes] | None) -> Finished
         if (trouble := bus_event(rig)) is not None:
             log.append_event(trouble)
         complete = walked.complete(plan)
+        refuse_empty(walked)
         if complete and (doubt := few_echoes(statuses(walked.in_order()))) is not None:
             _tell(rig, log, watcher, "readings", doubt)
         if complete:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from surfuse.arms.bridge import BridgeArm
 from surfuse.commands.acquire.locating import locate
 from surfuse.commands.acquire.planning import plan_for
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
@@ -40,6 +41,7 @@ def dry_run(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
     with rig.opened():
         outline = _outline(rig, settings, watcher)
         plan = plan_for(rig, settings, outline, watcher)
+        reach = _reach(rig)
     seconds = predicted_s(plan, rig.specs, settings)
     notes = doubts(settings, rig.specs, plan)
     for note in notes:
@@ -49,6 +51,7 @@ def dry_run(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
         *((f"left out, {kind}", str(count)) for kind, count in skipped_by_kind(plan)),
         ("standoff", f"{1e3 * plan.standoff_m:.0f} mm"),
         ("predicted time", f"about {seconds:.0f} s"),
+        ("reach", reach),
         ("collisions", _collisions(rig)),
         ("nothing moved", "leave out --dry-run to scan"),
     ]
@@ -93,6 +96,12 @@ def _outline(rig: Rig, settings: Settings, watcher: Watcher) -> Outline:
     if settings.arm.is_real:
         raise ConfigError("the part is looked for by turning the arm", cure="add an [area], or leave out --dry-run")
     return locate(rig, settings, watcher).outline
+
+
+def _reach(rig: Rig) -> str:
+    if isinstance(rig.poses, BridgeArm) and not rig.poses.tells_reach:
+        return "not checked: the bridge does not say what its arm can reach ('reach' in 'can')"
+    return "checked for every stop"
 
 
 def _collisions(rig: Rig) -> str:

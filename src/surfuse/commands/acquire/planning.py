@@ -15,6 +15,7 @@ from surfuse.plan.pose_plan import pose_plan
 from surfuse.plan.reach import ReachParameters
 from surfuse.plan.scan_plan import PlanParameters, scan_plan, skipped_by_kind
 from surfuse.records import BoolArray, FloatArray, FusionScene, Outline, ScanPlan
+from surfuse.rig.area import check_faces
 from surfuse.rig.devices import JointMotion, Rig
 from surfuse.settings import Settings
 
@@ -64,6 +65,7 @@ def _plan_of_poses(rig: Rig, outline: Outline, parameters: PlanParameters) -> Sc
     grip_from_tool = inverse(rig.tool_from_grip)
     arm = rig.poses
     here = arm.tool_state().world_from_tool @ rig.tool_from_grip
+    check_faces(outline.world_from_part, here)
 
     def reachable(world_from_grip: FloatArray) -> BoolArray:
         return arm.reachable(world_from_grip @ grip_from_tool)

@@ -88,6 +88,21 @@ def _rise(job: Job, plan: ScanPlan, stop: int) -> None:
             continue
 
 
+def refuse_empty(walked: Walked) -> None:
+    """Refuse a scan of which the arm could take no stop at all; a resumed one tries them again.
+
+    Raises
+    ------
+    UnreachableError : with the arm's reason for the last one.
+    """
+    if walked.unreachable and not walked.sweeps:
+        reason = walked.unreachable[max(walked.unreachable)]
+        raise UnreachableError(
+            f"the arm refused all {len(walked.unreachable)} stops, the last because {reason}",
+            cure="check origin_m, u and v of [area], the places of the sensors and scan.standoff_m",
+        )
+
+
 def smooth_pass(rig: Rig, settings: Settings) -> SmoothPass | None:
     """How the arm runs along the lines with these settings; None when it shall stop at every stop.
 

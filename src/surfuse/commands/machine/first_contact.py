@@ -10,9 +10,9 @@ import numpy as np
 from surfuse.acquisition.station import take_sweep
 from surfuse.arms.bridge import BridgeArm
 from surfuse.commands.machine.checks import Check
-from surfuse.errors import SafetyStopError, SurfuseError
+from surfuse.errors import ConfigError, SafetyStopError, SurfuseError
 from surfuse.records import FloatArray, Status, Sweep, ToolState
-from surfuse.rig.area import area_of, outline_of
+from surfuse.rig.area import area_of, check_faces, outline_of
 from surfuse.rig.devices import Rig
 from surfuse.settings import Settings
 
@@ -103,5 +103,11 @@ def _sensor(rig: Rig, sweep: Sweep, number: int) -> Check:
 def _area(rig: Rig, settings: Settings) -> list[Check]:
     if settings.area is None or settings.area.jog:
         return []
-    size = 1e3 * np.ptp(outline_of(area_of(settings)).vertices_m, axis=0)
+    outline = outline_of(area_of(settings))
+    if rig.poses is not None:
+        try:
+            check_faces(outline.world_from_part, _state(rig).world_from_tool @ rig.tool_from_grip)
+        except ConfigError as error:
+            return [("area", str(error), False)]
+    size = 1e3 * np.ptp(outline.vertices_m, axis=0)
     return [("area", f"{size[0]:.0f} x {size[1]:.0f} mm; `surfuse acquire --dry-run` shows its stops", True)]

@@ -114,6 +114,7 @@ def array_of(sensors: Sequence[SensorSettings], bridge: SharedBridge | None, clo
     if not sensors:
         raise ConfigError("the rig has no sensor", cure="add a [[sensor]] table for each to the cell file")
     check_directions(sensors)
+    _check_keys(sensors)
     if bridge is None and any(sensor.driver == BRIDGE for sensor in sensors):
         name = next(sensor.name for sensor in sensors if sensor.driver == BRIDGE)
         raise ConfigError(
@@ -129,6 +130,19 @@ def array_of(sensors: Sequence[SensorSettings], bridge: SharedBridge | None, clo
     )
     fixture = Fixture(grip_from_sensors(*places(sensors)), specs)
     return RealArray(sensors, fixture, bridge, clock)
+
+
+def _check_keys(sensors: Sequence[SensorSettings]) -> None:
+    """Refuse drivers that there are not, and keys that nobody reads."""
+    drivers = (BRIDGE, *registry.names("sensors"))
+    for sensor in sensors:
+        if sensor.driver not in drivers:
+            cure = nearest(sensor.driver, drivers)
+            raise ConfigError(f"sensor '{sensor.name}': there is no driver '{sensor.driver}'", cure=cure)
+        if sensor.driver == BRIDGE and sensor.parameters:
+            key = next(iter(sensor.parameters))
+            cure = nearest(key, [name for name in SensorSettings.model_fields if name != "parameters"])
+            raise ConfigError(f"sensor '{sensor.name}': unknown key '{key}'", cure=cure)
 
 
 def _echo(reading: BridgeReading) -> Echo:
