@@ -291,3 +291,10 @@ def test_a_bridge_that_is_not_there_is_told_soon(tmp_path):
     with pytest.raises(DeviceError, match=r"127\.0\.0\.1:9"):
         acquire(load(cell(tmp_path, "tcp://127.0.0.1:9")), tmp_path / "run", SilentWatcher(), yes=True)
     assert time.monotonic() - began < 60.0  # only a hang is an error here
+
+
+def test_a_command_in_one_text_is_shown_as_the_list_that_it_should_be(tmp_path):
+    path = cell(tmp_path, "unused")
+    path.write_text(path.read_text("utf-8").replace('address = "unused"', 'command = "python3 bridge.py"'), "utf-8")
+    with pytest.raises(ConfigError, match=r"arm.command = 'python3 bridge.py'; give .* as \['python3', 'bridge.py'\]"):
+        acquire(load(path), tmp_path / "run", SilentWatcher(), yes=True)

@@ -88,7 +88,9 @@ def _typed(hint: object, value: object, where: str, who: str, default: object) -
         fits, read = _plain(one, value)
         if fits:
             return read
-    example = "" if default in (dataclasses.MISSING, None) else f", for example {default!r}"
+    example = "" if default in (dataclasses.MISSING, None, ()) else f", for example {default!r}"
+    if isinstance(value, str) and value and any(typing.get_origin(one) is tuple for one in _choices(hint)):
+        example = f", as {value.split()!r}"
     raise ConfigError(f"{where} = {value!r}", cure=f"give {_words(hint)}{example}")
 
 
