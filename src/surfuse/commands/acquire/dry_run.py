@@ -11,6 +11,7 @@ from surfuse.arms.bridge import BridgeArm
 from surfuse.commands.acquire.locating import locate
 from surfuse.commands.acquire.planning import plan_for
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
+from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.durable import write_text
 from surfuse.errors import ConfigError
@@ -36,6 +37,8 @@ def dry_run(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
     ------
     SurfuseError : with the exit status of its kind; nothing has moved.
     """
+    # A scan would refuse a method that there is not, before it moves; so does its rehearsal.
+    create_method(settings.fusion)
     rig = assembled(settings)
     refuse_contradictions(settings, rig.specs)
     with rig.opened():
