@@ -226,7 +226,7 @@ def test_a_moveit_robot_stops_on_its_way(stage):
     stage.fault("slow")
     with moveit_bridge() as client:
         assert_allclose(stopped_on_the_way(client, pose(DOWN, (0.4, 0.2, 0.4)), 0.2).world_from_tool[1, 3], 0.0)
-    assert stage.told("stop_execution") == [[]]
+    assert stage.told("stop_execution")  # a stop whose answer is late is asked for again
 
 
 def test_a_controller_that_fails_under_moveit_is_a_device_error(stage):
