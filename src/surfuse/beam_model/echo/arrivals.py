@@ -114,7 +114,7 @@ def rim_delay(amplitude: float, threshold: float, rise: float) -> float:
 
 
 @compiled
-def _newton(pull: float, stiff: float, limit: float) -> float:
+def held_step(pull: float, stiff: float, limit: float) -> float:
     """Step to where the derivative of the squared distance vanishes, held inside the cell."""
     if abs(pull) >= abs(stiff) * limit:
         return -limit if (pull > 0.0) == (stiff > 0.0) else limit
@@ -258,7 +258,7 @@ def _mirror(
     """
     f = facet
     rho = np.sqrt(f.x * f.x + f.y * f.y + f.z * f.z)
-    shift_u, shift_v = _newton(f.pull_u, f.stiff_u, limit), _newton(f.pull_v, f.stiff_v, limit)
+    shift_u, shift_v = held_step(f.pull_u, f.stiff_u, limit), held_step(f.pull_v, f.stiff_v, limit)
     miss = np.hypot(f.pull_u + f.stiff_u * shift_u, f.pull_v + f.stiff_v * shift_v) / rho
     if miss >= OFF_MIRROR:
         return np.inf, 0.0, 0.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from surfuse.beam_model.prior.band_matrix import factor, log_determinant, solve
 from surfuse.beam_model.prior.smoothness import Stiffness
-from surfuse.beam_model.search.estimation import Arrivals, Estimation, arrivals, misfit, pulls
+from surfuse.beam_model.search.estimation import Arrivals, Estimation, arrivals, loudness, misfit, pulls
 from surfuse.beam_model.search.unheld_pieces import reattached
 from surfuse.records import FloatArray
 
@@ -46,7 +46,8 @@ def objective(p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Sti
     `height` (R, C) in m, `heard` the arrivals over it. `temper_m` is added to the deviation of every residual, so that
     a bad start is pulled from afar. In units of log likelihood.
     """
-    return float(np.sum(misfit(p, heard, temper_m))) + p.plate.energy(height, stiffness)
+    loud = float(np.sum(loudness(p, height, crease(p, stiffness))))
+    return float(np.sum(misfit(p, heard, temper_m))) + p.plate.energy(height, stiffness) + loud
 
 
 def descend(

@@ -9,6 +9,7 @@ import numpy as np
 from surfuse.beam_model.echo.arrivals import MIRROR, NONE, RIM, Cells, Hearing, Surface, predict
 from surfuse.beam_model.echo.detector import LEVELS, OFF_AXIS, TILTS, BeamTable, half_plane
 from surfuse.beam_model.echo.free_space import carve
+from surfuse.beam_model.echo.loudness import loudest
 from surfuse.beam_model.heard.stations import Stations
 from surfuse.beam_model.heard.wavefronts import Surfels, find_surfels
 from surfuse.beam_model.prior.raster import Raster, slopes
@@ -28,6 +29,10 @@ TAIL = 4.0
 # Information of a station beside the part, and of a rim about the height of its cell.
 OFF_PART = 0.05
 RIM_SHARE = 0.05
+# Logarithm of amplitude over prediction that means nothing, its deviation beyond that, and the most that it can cost.
+LOUD_SLACK = 0.7
+LOUD_SIGMA = 0.5
+LOUD_MOST = 3.0
 
 
 @dataclass(frozen=True)
@@ -149,6 +154,28 @@ def arrivals(p: Estimation, height: FloatArray, crease_m: float, only: BoolArray
         rows = np.flatnonzero((s.spec == k) & chosen)
         predict(rows, station, (s.range_m, p.level), surface, hearing(table), out, cell)
     return Arrivals(out[:, 0], out[:, 1], out[:, 2], cell[:, 0], cell[:, 1], cell[:, 2])
+
+
+def loudness(p: Estimation, height: FloatArray, crease_m: float) -> FloatArray:
+    """Cost (M,) of the amplitudes over a surface (R, C), in units of log likelihood; 0 for readings without one."""
+    if not np.any(np.isfinite(p.level)):
+        return np.zeros(len(p.stations))
+    s, r = p.stations, p.raster
+    su, sv, cu, cv, rim = slopes(height, r.domain, r.g_m, crease_m)
+    surface = Surface(height, su, sv, cu, cv, rim, _cells(r))
+    expected = np.ones(len(s))
+    station = np.hstack([s.position_m, s.axis])
+    quiet = np.zeros(len(s), dtype=bool)
+    for k, table in enumerate(p.tables):
+        murmur = np.maximum(np.interp(OFF_AXIS, TILTS, table.level), table.threshold)
+        strength = np.hypot(table.directivity, murmur), murmur
+        loudest(np.flatnonzero(s.spec == k), station, s.range_m, surface, hearing(table), strength, expected)
+        quiet |= (s.spec == k) & table.optical
+    with np.errstate(invalid="ignore", divide="ignore"):
+        off = np.abs(np.log(s.amplitude / expected))
+    excess = np.maximum(np.where(quiet | ~np.isfinite(off), 0.0, off) - LOUD_SLACK, 0.0) / LOUD_SIGMA
+    over = np.where(p.weight > OFF_PART, 1.0, OFF_PART)
+    return np.asarray(over * LOUD_MOST * -np.expm1(-0.5 * excess**2 / LOUD_MOST))
 
 
 def free_space(p: Estimation, trusted: IntArray) -> FloatArray:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filter
 
 from surfuse.beam_model.heard.wavefronts import Surfels
+from surfuse.beam_model.judge.plain_surfaces import simple_surfaces
 from surfuse.beam_model.prior.raster import Raster, slopes
 from surfuse.beam_model.prior.smoothness import Stiffness
 from surfuse.beam_model.search.descent import Solution, descend, evidence, find
 from surfuse.beam_model.search.edges import settle
 from surfuse.beam_model.search.estimation import Estimation, arrivals
 from surfuse.beam_model.search.first_surfaces import nearest_allowed, plane, quadric, speckle_shift, tilted
+from surfuse.beam_model.search.terraces import terraces
 from surfuse.beam_model.search.unheld_pieces import reattached
 from surfuse.records import BoolArray, FloatArray
 
@@ -69,6 +72,8 @@ def explore(p: Estimation, edge: float, effort: Effort = FULL) -> list[Solution]
     level = plane(p, blurred)
     found = [find(p, near, "points", Stiffness(*pair, edge), SHARP) for pair in effort.points]
     found += [find(p, level, "plane", Stiffness(*pair, edge), ANNEALED) for pair in effort.plane]
+    carved = simple_surfaces(p)["carving"]
+    found += [find(p, carved, "carving", Stiffness(*pair, edge), SHARP) for pair in effort.points]
     if np.mean(p.surfels.coherent) < MOSTLY:
         lean = tilted(p, level)
         found += [find(p, lean, "tilt", Stiffness(*pair, edge), BENT) for pair in effort.tilt]
@@ -76,6 +81,8 @@ def explore(p: Estimation, edge: float, effort: Effort = FULL) -> list[Solution]
     if effort.fine or np.mean(p.surfels.coherent) < MOSTLY:
         bent = quadric(p, blurred)
         found += [find(p, bent, "quadric", Stiffness(*pair, edge), BENT) for pair in effort.quadric]
+    for stepped in terraces(p, carved):
+        found += [find(p, stepped, "terraces", Stiffness(*pair, edge), SHARP) for pair in effort.plane]
     found = sorted(found, key=lambda solution: solution.score)
     moved = [with_settled_edges(p, solution) for solution in found[: effort.settled]]
     found = sorted(moved + found[effort.settled :], key=lambda solution: solution.score)
@@ -154,7 +161,12 @@ def refine(coarse: Estimation, fine: Estimation, best: Solution) -> Solution:
     trials = [
         find(fine, start, best.start, Stiffness(*pair, 0.5 * best.stiffness.edge), REFINED) for pair in (own, *rivals)
     ]
+    carved = simple_surfaces(fine)["carving"]
+    for stepped in terraces(fine, carved):
+        trials += [find(fine, stepped, "terraces", Stiffness(*pair, 0.5 * best.stiffness.edge), SHARP) for pair in (FLAT, PLAIN)]
+    trials += [find(fine, carved, "carving", Stiffness(*pair, 0.5 * best.stiffness.edge), SHARP) for pair in (FLAT, FREE)]
     found = min(trials, key=lambda solution: solution.score)
+    if os.environ.get("DBG"): print([(t.start, round(t.score,1), t.stiffness.second) for t in trials])
     whole = reattached(fine, found.height_m, found.heard, found.crease_m)
     found = replace(found, height_m=whole, heard=arrivals(fine, whole, found.crease_m))
     height, heard = settle(fine, found.height_m, found.heard, found.stiffness, found.crease_m, steps=(1,))
