@@ -39,7 +39,7 @@ def kinds_to_develop_on() -> list[JudgedScene]:
         s("step 3 cm", "kinds", lambda u, v: np.where(v < 0.007, 0.03, 0.0), edge="v"),
         s("step 9 cm", "kinds", lambda u, v: np.where(u < 0.012, 0.09, 0.0), edge="u"),
         s("step 5 cm", "kinds", lambda u, v: np.where(u < -0.0085, 0.05, 0.0), edge="u"),
-        s("step 4 cm, slope 5 deg", "kinds", lambda u, v: np.where(v > 0.011, 0.04, 0.0) + 0.0875 * u),
+        s("step 4 cm, slope 5 deg", "kinds", lambda u, v: np.where(v > 0.011, 0.04, 0.0) + 0.0875 * u, edge="v"),
         s("corner step", "kinds", lambda u, v: np.where((u < 0.01) & (v < 0.02), 0.04, 0.0)),
     ]  # fmt: skip
 

@@ -33,7 +33,7 @@ class Surface(NamedTuple):
     """A height raster (R, C) in m over its cells, with what the arrivals need of it.
 
     `slope_u`, `slope_v` (R, C) are dw/du and dw/dv, `bend_u`, `bend_v` (R, C) the curvatures in 1/m, `rim` (R, C, 2) is
-    where a rim lies beside its node in m; see `slopes`.
+    where a rim lies beside its node in m; see `slopes`. `along` (R, C, 2) is the direction of its edge; see `tangents`.
     """
 
     height: FloatArray
@@ -42,6 +42,7 @@ class Surface(NamedTuple):
     bend_u: FloatArray
     bend_v: FloatArray
     rim: FloatArray
+    along: FloatArray
     cells: Cells
 
 
@@ -303,7 +304,7 @@ def _from_rim(
     # Where in its cell the rim is, is not known.
     sideways = np.sqrt(1.0 - cos_theta * cos_theta)
     return (
-        rho + delay + 0.5 * drowned * ear.rise,
+        rho + delay,
         ez / rho,
         0.2 * delay + drowned * ear.grain + 0.3 * g * sideways + 0.0003,
     )
@@ -327,6 +328,7 @@ def predict_one(
     sx, sy, sz, ax, ay, az = station[0], station[1], station[2], station[3], station[4], station[5]
     height, slope_u, slope_v = surface.height, surface.slope_u, surface.slope_v
     bend_u, bend_v, rim, cells = surface.bend_u, surface.bend_v, surface.rim, surface.cells
+    along = surface.along
     domain, u0, v0, g = cells.domain, cells.u0, cells.v0, cells.g
     cos_reach = 1.0 / np.sqrt(1.0 + ear.reach * ear.reach)
     slack, axis = OFF_MIRROR * 1.2 * rng, (ax, ay, az)
@@ -353,7 +355,9 @@ def predict_one(
                 arrival, slope, own = _mirror(axis, facet, (bend_u[j, i], bend_v[j, i]), 0.6 * g, best, share, ear)
                 if arrival < best:
                     best, kind, bj, bi, gain, spread = arrival, MIRROR, j, i, slope, own
-            if at_rim:
+            # An edge answers where it runs across the way to the sensor, and nowhere else.
+            askew = abs(pull_u * along[j, i, 0] + pull_v * along[j, i, 1]) > 0.6 * g + slack
+            if at_rim and not askew:
                 arrival, slope, own = _from_rim(axis, facet, (rim[j, i, 0], rim[j, i, 1]), g, best, ear)
                 if arrival < best:
                     best, kind, bj, bi, gain, spread = arrival, RIM, j, i, slope, own

@@ -10,6 +10,10 @@ from surfuse.geometry.compiled import compiled
 from surfuse.records import BoolArray, FloatArray, MapGrid
 
 
+# Cells around a rim cell that say where its edge runs, and how much of their drops must point the same way.
+AROUND_RIM, STRAIGHT = 2, 0.85
+
+
 @dataclass(frozen=True)
 class Raster:
     """Square cells of side `g_m` centred on nodes (u0 + i g, v0 + j g); `domain` (R, C) marks cells of the part.
@@ -117,3 +121,30 @@ def slopes(
                     sv[j, i] = slope / g
                     cv[j, i] = bend / (g * g) if smooth else 0.0
     return su, sv, cu, cv, rim
+
+
+@compiled
+def tangents(rim: FloatArray) -> FloatArray:
+    """Direction (R, C, 2) along u and v of the edge through each rim cell, nan where it has none: corners, spots.
+
+    `rim` (R, C, 2) is that of `slopes`. The drops of the rim cells around are averaged: their mean is across the edge.
+    """
+    rows, cols = rim.shape[0], rim.shape[1]
+    along = np.full((rows, cols, 2), np.nan)
+    for j in range(rows):
+        for i in range(cols):
+            if np.isnan(rim[j, i, 0]):
+                continue
+            across_u, across_v, total = 0.0, 0.0, 0.0
+            for jj in range(max(0, j - AROUND_RIM), min(rows, j + AROUND_RIM + 1)):
+                for ii in range(max(0, i - AROUND_RIM), min(cols, i + AROUND_RIM + 1)):
+                    if np.isnan(rim[jj, ii, 0]):
+                        continue
+                    du, dv = rim[jj, ii, 0], rim[jj, ii, 1]
+                    across_u += du
+                    across_v += dv
+                    total += np.sqrt(du * du + dv * dv)
+            size = np.sqrt(across_u * across_u + across_v * across_v)
+            if total > 0.0 and size > STRAIGHT * total:
+                along[j, i, 0], along[j, i, 1] = -across_v / size, across_u / size
+    return along

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +10,13 @@ import numpy as np
 from surfuse.beam_model.prior.raster import slopes
 from surfuse.beam_model.prior.smoothness import Stiffness
 from surfuse.beam_model.search.descent import descend, objective
-from surfuse.beam_model.search.estimation import Arrivals, Estimation, arrivals, misfit, reach
+from surfuse.beam_model.search.estimation import Arrivals, Estimation, arrivals, loudness, misfit, reach
 from surfuse.beam_model.search.unheld_pieces import laid_onto, pieces
 from surfuse.records import BoolArray, FloatArray, IntArray
 
 DIRECTIONS = ((0, 1), (0, -1), (1, 0), (-1, 0))
-SMALLEST_PIECE = 4
-MOST_PIECES = 6
+MOST_BORDERS, SHORTEST_BORDER = 32, 2
+LEAST_GAIN = 1.0
 ROUNDS = 12
 MOST_MERGES = 24
 REACH = (1, 2, 4)
@@ -39,10 +40,12 @@ def sloped(p: Estimation, height: FloatArray, crease_m: float) -> Surface:
     return Surface(height, su, sv, p.raster.g_m)
 
 
-def grown(surface: Surface, member: BoolArray, domain: BoolArray, direction: tuple[int, int], cells: int) -> FloatArray:
-    """Heights (R, C) in m with one piece continued by some cells in one direction over its neighbours.
+def grown(
+    surface: Surface, member: BoolArray, over: BoolArray, direction: tuple[int, int], cells: int
+) -> FloatArray:
+    """Heights (R, C) in m with one piece continued by some cells in one direction over cells that may change.
 
-    `member` (R, C) marks the piece, `domain` (R, C) the cells that have a height; `direction` is (row, column), one of
+    `member` (R, C) marks the piece, `over` (R, C) the cells that it may take; `direction` is (row, column), one of
     `DIRECTIONS`. The piece goes on with the slope of its last cell.
     """
     dj, di = direction
@@ -54,7 +57,7 @@ def grown(surface: Surface, member: BoolArray, domain: BoolArray, direction: tup
     lean_u, lean_v = surface.slope_u.copy(), surface.slope_v.copy()
     for _ in range(cells):
         fresh = np.zeros_like(inside)
-        fresh[target] = inside[source] & ~inside[target] & domain[target]
+        fresh[target] = inside[source] & ~inside[target] & over[target]
         carried = np.zeros_like(result)
         carried[target] = result[source] + g_m * (di * lean_u[source] + dj * lean_v[source])
         lean_u[target] = np.where(fresh[target], lean_u[source], lean_u[target])
@@ -64,16 +67,58 @@ def grown(surface: Surface, member: BoolArray, domain: BoolArray, direction: tup
     return result
 
 
-def candidates(number: IntArray) -> list[int]:
-    """Largest pieces, if there is more than one.
+Border = tuple[int, int, tuple[int, int]]
 
-    `number` (R, C) are those of `pieces`, -1 outside. At most `MOST_PIECES`, largest first, each of `SMALLEST_PIECE`
-    cells or more.
+
+def borders(number: IntArray) -> list[Border]:
+    """Borders between pieces, longest first, at most `MOST_BORDERS`: a piece, the one beside it, and the direction.
+
+    `number` (R, C) are those of `pieces`, -1 outside. Each is of `SHORTEST_BORDER` cells or more.
     """
-    names, sizes = np.unique(number[number >= 0], return_counts=True)
-    order = np.argsort(-sizes)
-    large = [int(names[k]) for k in order[:MOST_PIECES] if sizes[k] >= SMALLEST_PIECE]
-    return large if len(large) > 1 else []
+    length: dict[Border, int] = {}
+    rows, cols = number.shape
+    for dj, di in DIRECTIONS:
+        a = number[max(-dj, 0) : rows - max(dj, 0), max(-di, 0) : cols - max(di, 0)]
+        b = number[max(dj, 0) : rows + min(dj, 0), max(di, 0) : cols + min(di, 0)]
+        met = (a != b) & (a >= 0) & (b >= 0)
+        pairs, counts = np.unique(np.column_stack([a[met], b[met]]), axis=0, return_counts=True)
+        for (one, other), count in zip(pairs.tolist(), counts.tolist(), strict=True):
+            if count >= SHORTEST_BORDER:
+                length[(one, other, (dj, di))] = count
+    return sorted(length, key=lambda border: (-length[border], border))[:MOST_BORDERS]
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What a surface costs: `misfit`, `loud` (M,) by station, `energy` of the prior; `heard` are its arrivals."""
+
+    height_m: FloatArray
+    heard: Arrivals
+    misfit: FloatArray
+    loud: FloatArray
+    energy: float
+
+
+def costs(p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float) -> Costs:
+    """The costs of a surface (R, C) in m, in units of log likelihood."""
+    return Costs(
+        height, heard, misfit(p, heard, 0.0), loudness(p, height, crease_m), p.plate.energy(height, stiffness)
+    )
+
+
+def change(p: Estimation, now: Costs, trial: FloatArray, stiffness: Stiffness, crease_m: float) -> float:
+    """How much more another surface (R, C) in m costs; only the stations that hear the changed cells are asked."""
+    r = p.raster
+    j, i = np.nonzero(trial != now.height_m)
+    if len(j) == 0:
+        return 0.0
+    middle = p.stations.foot_m
+    near_m = float(np.median(p.stations.range_m)) * max(reach(table) for table in p.tables) + 2.0 * r.g_m
+    u0, u1 = r.u0_m + r.g_m * i.min() - near_m, r.u0_m + r.g_m * i.max() + near_m
+    v0, v1 = r.v0_m + r.g_m * j.min() - near_m, r.v0_m + r.g_m * j.max() + near_m
+    only = (middle[:, 0] > u0) & (middle[:, 0] < u1) & (middle[:, 1] > v0) & (middle[:, 1] < v1)
+    there = misfit(p, arrivals(p, trial, crease_m, only), 0.0) + loudness(p, trial, crease_m, only)
+    return float(np.sum((there - now.misfit - now.loud)[only])) + p.plate.energy(trial, stiffness) - now.energy
 
 
 def merge_small(
@@ -108,25 +153,30 @@ def settle(
     cells by which a piece may grow at once; a move must gain at least 1 unit of log likelihood, in at most `ROUNDS`
     rounds.
     """
-    r = p.raster
     height, heard = merge_small(p, height, heard, stiffness, crease_m)
-    now = objective(p, height, heard, stiffness, 0.0)
     for _ in range(ROUNDS):
-        number = pieces(height, r.domain, r.g_m, 2.0 * crease_m)
-        surface = sloped(p, height, crease_m)
-        best, best_height = now, None
-        for name in candidates(number):
-            for direction in DIRECTIONS:
-                for cells in steps:
-                    trial = grown(surface, number == name, r.domain, direction, cells)
-                    value = objective(p, trial, arrivals(p, trial, crease_m), stiffness, 0.0)
-                    if value < best:
-                        best, best_height = value, trial
-        if best_height is None or now - best < 1.0:
+        now = costs(p, height, heard, stiffness, crease_m)
+        best, best_height = -LEAST_GAIN, None
+        for _border, _cells, trial in moves(p, height, crease_m, steps):
+            gain = change(p, now, trial, stiffness, crease_m)
+            if gain < best:
+                best, best_height = gain, trial
+        if best_height is None:
             break
         height, heard = descend(p, best_height, stiffness, crease_m, (0.0,) * 3)
-        now = objective(p, height, heard, stiffness, 0.0)
     return height, heard
+
+
+def moves(
+    p: Estimation, height: FloatArray, crease_m: float, steps: tuple[int, ...]
+) -> Iterator[tuple[Border, int, FloatArray]]:
+    """Every border moved by every number of cells: border, cells, heights (R, C) in m."""
+    number = pieces(height, p.raster.domain, p.raster.g_m, 2.0 * crease_m)
+    surface = sloped(p, height, crease_m)
+    for border in borders(number):
+        one, other, direction = border
+        for cells in steps:
+            yield border, cells, grown(surface, number == one, number == other, direction, cells)
 
 
 def rivals(p: Estimation, height: FloatArray, stiffness: Stiffness, crease_m: float) -> tuple[FloatArray, FloatArray]:

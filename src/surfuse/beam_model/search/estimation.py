@@ -12,7 +12,7 @@ from surfuse.beam_model.echo.free_space import carve
 from surfuse.beam_model.echo.loudness import loudest
 from surfuse.beam_model.heard.stations import Stations
 from surfuse.beam_model.heard.wavefronts import Surfels, find_surfels
-from surfuse.beam_model.prior.raster import Raster, slopes
+from surfuse.beam_model.prior.raster import Raster, slopes, tangents
 from surfuse.beam_model.prior.smoothness import Plate, plate
 from surfuse.records import BoolArray, FloatArray, IntArray
 
@@ -145,7 +145,7 @@ def arrivals(p: Estimation, height: FloatArray, crease_m: float, only: BoolArray
     """
     s, r = p.stations, p.raster
     su, sv, cu, cv, rim = slopes(height, r.domain, r.g_m, crease_m)
-    surface = Surface(height, su, sv, cu, cv, rim, _cells(r))
+    surface = Surface(height, su, sv, cu, cv, rim, tangents(rim), _cells(r))
     out = np.full((len(s), 3), np.inf)
     station = np.hstack([s.position_m, s.axis])
     cell = np.zeros((len(s), 3), dtype=np.int64)
@@ -156,20 +156,24 @@ def arrivals(p: Estimation, height: FloatArray, crease_m: float, only: BoolArray
     return Arrivals(out[:, 0], out[:, 1], out[:, 2], cell[:, 0], cell[:, 1], cell[:, 2])
 
 
-def loudness(p: Estimation, height: FloatArray, crease_m: float) -> FloatArray:
-    """Cost (M,) of the amplitudes over a surface (R, C), in units of log likelihood; 0 for readings without one."""
+def loudness(p: Estimation, height: FloatArray, crease_m: float, only: BoolArray | None = None) -> FloatArray:
+    """Cost (M,) of the amplitudes over a surface (R, C), in units of log likelihood; 0 for readings without one.
+
+    Those of stations that `only` (M,) does not mark mean nothing.
+    """
     if not np.any(np.isfinite(p.level)):
         return np.zeros(len(p.stations))
     s, r = p.stations, p.raster
     su, sv, cu, cv, rim = slopes(height, r.domain, r.g_m, crease_m)
-    surface = Surface(height, su, sv, cu, cv, rim, _cells(r))
+    surface = Surface(height, su, sv, cu, cv, rim, tangents(rim), _cells(r))
     expected = np.ones(len(s))
     station = np.hstack([s.position_m, s.axis])
     quiet = np.zeros(len(s), dtype=bool)
+    chosen = np.ones(len(s), dtype=bool) if only is None else only
     for k, table in enumerate(p.tables):
         murmur = np.maximum(np.interp(OFF_AXIS, TILTS, table.level), table.threshold)
         strength = np.hypot(table.directivity, murmur), murmur
-        loudest(np.flatnonzero(s.spec == k), station, s.range_m, surface, hearing(table), strength, expected)
+        loudest(np.flatnonzero((s.spec == k) & chosen), station, s.range_m, surface, hearing(table), strength, expected)
         quiet |= (s.spec == k) & table.optical
     with np.errstate(invalid="ignore", divide="ignore"):
         off = np.abs(np.log(s.amplitude / expected))
