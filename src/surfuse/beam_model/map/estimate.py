@@ -18,7 +18,7 @@ from surfuse.beam_model.map.tiles import RasterLayers, Tile, blank, pasted, shee
 from surfuse.beam_model.prior.raster import Raster
 from surfuse.beam_model.search.estimation import problem
 from surfuse.beam_model.search.explanations import FULL, LEAN, Effort, completed, explore, refine
-from surfuse.records import BoolArray, FloatArray, FusionScene, MapGrid, Readings, Regime, RegionDecision, SurfaceMap
+from surfuse.records import BoolArray, FloatArray, FusionScene, IntArray, MapGrid, Readings, Regime, RegionDecision, SurfaceMap
 
 # Stations a coarse cell that take part in the search; the last refinement uses all.
 MOST_A_CELL = 6
@@ -151,15 +151,21 @@ def _solve(
 
 
 def on_grid(sheet: RasterLayers, grid: MapGrid) -> SurfaceMap:
-    """Layers at the nodes of the map: each node on the facet of the cell that contains it."""
+    """Layers at the nodes of the map: each node on the facet of the cell that contains it.
+
+    Beside an edge that lies inside of a cell, nodes beyond it are on the facet of the next cell.
+    """
     r = sheet.raster
     rows, cols = r.shape
-    i = np.floor((grid.u_m - r.u0_m) / r.g_m + 0.5).astype(np.int64)
-    j = np.floor((grid.v_m - r.v0_m) / r.g_m + 0.5).astype(np.int64)
-    ii, jj = np.clip(i, 0, cols - 1)[None, :], np.clip(j, 0, rows - 1)[:, None]
-    mask = sheet.known[jj, ii] & ((i >= 0) & (i < cols))[None, :] & ((j >= 0) & (j < rows))[:, None]
-    du, dv = grid.u_m - (r.u0_m + ii[0] * r.g_m), grid.v_m - (r.v0_m + jj[:, 0] * r.g_m)
-    surface = sheet.height_m[jj, ii] + sheet.slope_u[jj, ii] * du[None, :] + sheet.slope_v[jj, ii] * dv[:, None]
+    at_u, at_v = (grid.u_m - r.u0_m) / r.g_m, (grid.v_m - r.v0_m) / r.g_m
+    i, j = np.floor(at_u + 0.5).astype(np.int64), np.floor(at_v + 0.5).astype(np.int64)
+    inside = ((i >= 0) & (i < cols))[None, :] & ((j >= 0) & (j < rows))[:, None]
+    ii, jj = np.meshgrid(np.clip(i, 0, cols - 1), np.clip(j, 0, rows - 1))
+    mask = sheet.known[jj, ii] & inside
+    ii = _beside(sheet.edge_u, jj, ii, at_u[None, :] - ii, 1)
+    jj = _beside(sheet.edge_v, jj, ii, at_v[:, None] - jj, 0)
+    du, dv = grid.u_m[None, :] - (r.u0_m + ii * r.g_m), grid.v_m[:, None] - (r.v0_m + jj * r.g_m)
+    surface = sheet.height_m[jj, ii] + sheet.slope_u[jj, ii] * du + sheet.slope_v[jj, ii] * dv
     return SurfaceMap(
         grid=grid,
         height_m=np.where(mask, surface, np.nan),
@@ -172,3 +178,16 @@ def on_grid(sheet: RasterLayers, grid: MapGrid) -> SurfaceMap:
         alternative_height_m=np.where(mask, sheet.second_m[jj, ii], np.nan),
         alternative_weight=np.where(mask, sheet.second_weight[jj, ii], 0.0),
     )
+
+
+def _beside(edge: FloatArray, row: IntArray, column: IntArray, share: FloatArray, axis: int) -> IntArray:
+    """Row or column (axis 0 or 1) of the cell on whose facet a node lies, one beside its own where an edge is between.
+
+    `edge` (R, C) is `edge_u` or `edge_v`; `share` (in cells, from -1/2 to 1/2) is where the node lies in its cell.
+    """
+    own = (row, column)[axis]
+    last = edge.shape[axis] - 1
+    before = (row, np.maximum(column - 1, 0)) if axis else (np.maximum(row - 1, 0), column)
+    ahead = (edge[row, column] < 0.0) & (share > 0.5 + edge[row, column]) & (own < last)
+    behind = (edge[before] > 0.0) & (share < -0.5 + edge[before]) & (own > 0)
+    return np.asarray(own + ahead.astype(np.int64) - behind.astype(np.int64))

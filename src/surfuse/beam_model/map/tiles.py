@@ -10,7 +10,7 @@ from surfuse.beam_model.heard.stations import Stations
 from surfuse.beam_model.map.layers import layers
 from surfuse.beam_model.prior.raster import Raster, slopes
 from surfuse.beam_model.search.descent import Solution
-from surfuse.beam_model.search.edges import rivals
+from surfuse.beam_model.search.edges import offsets, rivals
 from surfuse.beam_model.search.estimation import Estimation
 from surfuse.records import BoolArray, ByteArray, FloatArray, IntArray
 
@@ -34,7 +34,7 @@ class RasterLayers:
     """The layers of a solution over one raster, all (R, C); `known` marks the cells that have a value.
 
     Heights and `sigma_m` in m, slopes dw/du and dw/dv, `confidence` in [0, 1], `regime` as in `Regime`; `second_m` is
-    the rival height of a cell (nan: none), `second_weight` its probability.
+    the rival height of a cell (nan: none), `second_weight` its probability. `edge_u`, `edge_v`: see `offsets`.
     """
 
     raster: Raster
@@ -48,10 +48,13 @@ class RasterLayers:
     known: BoolArray
     second_m: FloatArray
     second_weight: FloatArray
+    edge_u: FloatArray
+    edge_v: FloatArray
 
 
 LAYERS = (
     "height_m", "slope_u", "slope_v", "sigma_m", "confidence", "count", "regime", "known", "second_m", "second_weight",
+    "edge_u", "edge_v",
 )  # fmt: skip
 
 
@@ -59,7 +62,7 @@ def blank(raster: Raster) -> RasterLayers:
     """A sheet without a value."""
     zero = np.zeros(raster.shape)
     whole, small = zero.astype(np.int64), zero.astype(np.uint8)
-    return RasterLayers(raster, zero, zero, zero, zero, zero, whole, small, zero > 1.0, zero * np.nan, zero)
+    return RasterLayers(raster, zero, zero, zero, zero, zero, whole, small, zero > 1.0, zero * np.nan, zero, zero, zero)
 
 
 def sheet_of(p: Estimation, solution: Solution, doubt_m: FloatArray | None = None) -> RasterLayers:
@@ -72,7 +75,7 @@ def sheet_of(p: Estimation, solution: Solution, doubt_m: FloatArray | None = Non
     sigma = np.sqrt(rest.sigma_m**2 + across)
     return RasterLayers(
         p.raster, solution.height_m, su, sv, sigma, rest.confidence, rest.count, rest.regime, p.raster.domain,
-        second, weight,
+        second, weight, *offsets(p, solution.height_m, solution.stiffness, solution.crease_m),
     )  # fmt: skip
 
 

@@ -17,6 +17,8 @@ from surfuse.records import BoolArray, FloatArray, IntArray
 DIRECTIONS = ((0, 1), (0, -1), (1, 0), (-1, 0))
 MOST_BORDERS, SHORTEST_BORDER = 32, 2
 LEAST_GAIN = 1.0
+# Moving a border to both sides must cost so much before its place inside the cells is taken from it.
+TELLING = 4.0
 ROUNDS = 12
 MOST_MERGES = 24
 REACH = (1, 2, 4)
@@ -177,6 +179,27 @@ def moves(
         one, other, direction = border
         for cells in steps:
             yield border, cells, grown(surface, number == one, number == other, direction, cells)
+
+
+def offsets(p: Estimation, height: FloatArray, stiffness: Stiffness, crease_m: float) -> tuple[FloatArray, FloatArray]:
+    """How far (R, C), in cells, the edge between a cell and the next one along u, and along v, lies beside their border.
+
+    `height` (R, C) in m is settled. From what it costs to move a border by a cell to either side: the lowest point of
+    the parabola through the three. Positive towards the next cell; 0 where no edge is or the costs say nothing.
+    """
+    now = costs(p, height, arrivals(p, height, crease_m), stiffness, crease_m)
+    number = pieces(height, p.raster.domain, p.raster.g_m, 2.0 * crease_m)
+    price = {border: change(p, now, trial, stiffness, crease_m) for border, _, trial in moves(p, height, crease_m, (1,))}
+    along_u, along_v = np.zeros(height.shape), np.zeros(height.shape)
+    for one, other, (dj, di) in price:
+        forth, back = price[(one, other, (dj, di))], price.get((other, one, (-dj, -di)))
+        if dj + di < 0 or back is None or min(forth, back) < 0.0 or forth + back < TELLING:
+            continue
+        shift = 0.5 * (back - forth) / (back + forth)
+        layer, next_one = (along_u, np.s_[:, 1:]) if di else (along_v, np.s_[1:, :])
+        first = np.s_[:, :-1] if di else np.s_[:-1, :]
+        layer[first][(number[first] == one) & (number[next_one] == other)] = shift
+    return along_u, along_v
 
 
 def rivals(p: Estimation, height: FloatArray, stiffness: Stiffness, crease_m: float) -> tuple[FloatArray, FloatArray]:
