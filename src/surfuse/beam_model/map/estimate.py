@@ -18,12 +18,25 @@ from surfuse.beam_model.map.tiles import RasterLayers, Tile, blank, pasted, shee
 from surfuse.beam_model.prior.raster import Raster
 from surfuse.beam_model.search.estimation import problem
 from surfuse.beam_model.search.explanations import FULL, LEAN, Effort, completed, explore, refine
-from surfuse.records import BoolArray, FloatArray, FusionScene, IntArray, MapGrid, Readings, Regime, RegionDecision, SurfaceMap
+from surfuse.records import (
+    BoolArray,
+    FloatArray,
+    FusionScene,
+    IntArray,
+    MapGrid,
+    Readings,
+    Regime,
+    RegionDecision,
+    SurfaceMap,
+)
+from surfuse.surface.grids import refined
 
 # Stations a coarse cell that take part in the search; the last refinement uses all.
 MOST_A_CELL = 6
 SMALLEST_CELL_M = 0.002
 CELLS_A_WAVELENGTH = 1.8
+NODES_AT_EDGES = 3
+MOST_NODES = 200_000
 
 
 def empty_map(grid: MapGrid) -> SurfaceMap:
@@ -110,7 +123,23 @@ def estimate_map(
         for tile, (piece, own) in zip(parts, pool.map(solved, parts), strict=True):
             sheet = pasted(sheet, piece, tile)
             decisions.extend(own)
-    return replace(on_grid(sheet, grid), decisions=tuple(decisions))
+    return replace(on_grid(sheet, finer_grid(sheet, grid)), decisions=tuple(decisions))
+
+
+def finer_grid(sheet: RasterLayers, grid: MapGrid) -> MapGrid:
+    """The map's grid with nodes as close as the cells of the estimate, closer where an edge lies inside of a cell.
+
+    Nodes of the given grid stay nodes. A third of a cell leaves no node on the border of two cells.
+    """
+    steps = np.concatenate([np.diff(grid.u_m), np.diff(grid.v_m)])
+    if len(steps) == 0 or not np.allclose(steps, steps[0], rtol=1e-6):
+        return grid
+    cells = max(1, round(float(steps[0]) / sheet.raster.g_m))
+    edges = bool(np.any(sheet.edge_u != 0.0) or np.any(sheet.edge_v != 0.0))
+    factor = cells * (NODES_AT_EDGES if edges else 1)
+    if factor == 1 or grid.shape[0] * grid.shape[1] * factor**2 > MOST_NODES:
+        return grid
+    return refined(grid, factor)
 
 
 def fine_raster(scene: FusionScene, grid: MapGrid, g: float, heard_m: FloatArray, reach_m: float) -> Raster:

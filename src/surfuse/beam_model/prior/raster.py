@@ -9,7 +9,6 @@ import numpy as np
 from surfuse.geometry.compiled import compiled
 from surfuse.records import BoolArray, FloatArray, MapGrid
 
-
 # Cells around a rim cell that say where its edge runs, and how much of their drops must point the same way.
 AROUND_RIM, STRAIGHT = 2, 0.85
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,7 +41,7 @@ def surfels_of(p: Estimation) -> Surfels:
 class Effort:
     """Which explanations are tried: priors from each start, how many get their edges moved, other priors at the end.
 
-    `points`, `plane`, `quadric`, `tilt` are pairs of densities (second, third; see `Stiffness`) that are tried from a
+    `points`, `plane`, `quadric`, `tilt`, `carving` and `terraces` are pairs of densities (second, third; see `Stiffness`) that are tried from a
     start of that name. The edges of the `settled` best explanations are moved; `again` are pairs tried from the best
     one. `fine` says whether a raster of half the cell size follows.
     """
@@ -51,6 +50,8 @@ class Effort:
     plane: tuple[tuple[float, float], ...] = (FLAT, PLAIN, SOFT, FREE)
     quadric: tuple[tuple[float, float], ...] = (SOFT, FREE, WAVY, ROUND)
     tilt: tuple[tuple[float, float], ...] = (FLAT, PLAIN, SOFT, FREE)
+    carving: tuple[tuple[float, float], ...] = (FLAT, PLAIN, FREE, WAVY)
+    terraces: tuple[tuple[float, float], ...] = (FLAT, PLAIN)
     settled: int = 3
     again: tuple[tuple[float, float], ...] = DENSITIES
     fine: bool = True
@@ -58,7 +59,7 @@ class Effort:
 
 FULL = Effort()
 # For parts of many tiles: the same ideas with fewer priors.
-LEAN = Effort((FLAT, PLAIN, FREE), (FLAT,), (WAVY,), (FLAT,), 1, (), False)
+LEAN = Effort((FLAT, PLAIN, FREE), (FLAT,), (WAVY,), (FLAT,), (FLAT, FREE), (FLAT,), 1, (), False)
 
 
 def explore(p: Estimation, edge: float, effort: Effort = FULL) -> list[Solution]:
@@ -161,12 +162,11 @@ def refine(coarse: Estimation, fine: Estimation, best: Solution) -> Solution:
     trials = [
         find(fine, start, best.start, Stiffness(*pair, 0.5 * best.stiffness.edge), REFINED) for pair in (own, *rivals)
     ]
-    carved = simple_surfaces(fine)["carving"]
-    for stepped in terraces(fine, carved):
-        trials += [find(fine, stepped, "terraces", Stiffness(*pair, 0.5 * best.stiffness.edge), SHARP) for pair in (FLAT, PLAIN)]
-    trials += [find(fine, carved, "carving", Stiffness(*pair, 0.5 * best.stiffness.edge), SHARP) for pair in (FLAT, FREE)]
+    # Treads of a few cells only exist on the finer raster.
+    for steps in terraces(fine, simple_surfaces(fine)["carving"]):
+        half = 0.5 * best.stiffness.edge
+        trials += [find(fine, steps, "terraces", Stiffness(*pair, half), SHARP) for pair in STIFFER]
     found = min(trials, key=lambda solution: solution.score)
-    if os.environ.get("DBG"): print([(t.start, round(t.score,1), t.stiffness.second) for t in trials])
     whole = reattached(fine, found.height_m, found.heard, found.crease_m)
     found = replace(found, height_m=whole, heard=arrivals(fine, whole, found.crease_m))
     height, heard = settle(fine, found.height_m, found.heard, found.stiffness, found.crease_m, steps=(1,))
