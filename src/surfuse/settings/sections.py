@@ -113,7 +113,7 @@ class ArmSettings(Section):
     @field_validator("driver")
     @classmethod
     def _is_a_driver(cls, driver: str | None) -> str | None:
-        known = {*SIMULATED_DRIVERS, *(name for name in registry.names("arms") if name != "recorded")}
+        known = {*SIMULATED_DRIVERS, *registry.names("arms")}
         if driver is not None and driver not in known:
             raise ConfigError(f"arm.driver = '{driver}'", cure=nearest(driver, known))
         return driver
