@@ -46,7 +46,7 @@ def cell(folder, arm, sensors, area=AREA):
 
 
 def play(folder, arm, names=("a", "b"), area=AREA, out="again", watcher=None):
-    path = cell(folder, arm, {name: 'driver = "recorded"' for name in names}, area)
+    path = cell(folder, arm, dict.fromkeys(names, 'driver = "recorded"'), area)
     return acquire(load(path), folder / out, watcher or SilentWatcher(), yes=True)
 
 
@@ -129,5 +129,3 @@ def test_stops_that_were_not_recorded_are_out_of_reach(of_poses, tmp_path):
     elsewhere = AREA.replace("origin_m = [0.40", "origin_m = [0.52")
     with pytest.raises((UnreachableError, DataError, DeviceError), match=r"stops can be visited|was recorded"):
         play(tmp_path, f'driver = "recorded"\nlog = "{of_poses}"', area=elsewhere)
-
-

@@ -103,17 +103,27 @@ def nodes_of(
     """
     if not sensors:
         return ()
-    if bus.interface == NO_BUS or (bus.interface == "virtual" and not bus.channel):
-        raise ConfigError(
-            f"sensor '{sensors[0].name}' sits behind a node, and bus.interface = '{bus.interface}' reaches none",
-            cure="give the bus: [bus] interface = 'socketcan', channel = 'can0'; or 'udp_multicast', 'slcan', ...",
-        )
+    refuse_closed_bus(bus)
     found = addresses(sensors, bus.node)
     rows = {node: [k for k, one in enumerate(found) if one.node == node] for node in sorted({a.node for a in found})}
     return tuple(
         NodeSensors(_part(fixture, of_node), bus, node, tuple(found[k].number for k in of_node), clock, together)
         for node, of_node in rows.items()
     )
+
+
+def refuse_closed_bus(bus: BusSettings) -> None:
+    """Refuse a bus on which no other program can be; a virtual one with a name may have a node in this process.
+
+    Raises
+    ------
+    ConfigError : names the interface.
+    """
+    if bus.interface == NO_BUS or (bus.interface == "virtual" and not bus.channel):
+        raise ConfigError(
+            f"sensors sit behind a node, and bus.interface = '{bus.interface}' reaches none",
+            cure="give the bus: [bus] interface = 'socketcan', channel = 'can0'; or 'udp_multicast', 'slcan', ...",
+        )
 
 
 def _part(fixture: Fixture, rows: list[int]) -> Fixture:

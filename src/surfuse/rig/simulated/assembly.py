@@ -134,13 +134,13 @@ def _ranger(settings: Settings, world: Twin, clock: Clock, pose: Callable[[], Fl
     return simulated_sensor.create(simulated_sensor.Parameters(settings.array.pings, surroundings=around))
 
 
-def build_world(settings: Settings) -> tuple[Twin, Part]:
+def build_world(settings: Settings, kind: type[Twin] = Twin) -> tuple[Twin, Part]:
     """The twin with the ring table and the part, and the part by itself."""
     table = TableParameters(
         settings.cell.table_height_m, settings.cell.table_inner_radius_m, settings.cell.table_outer_radius_m
     )
     part = make_part(settings.scene.name, _part_pose(settings), table)
-    return Twin(Scene([*table_bodies(table), part.body]), _physics(settings), settings.seed), part
+    return kind(Scene([*table_bodies(table), part.body]), _physics(settings), settings.seed), part
 
 
 def array_sensors(

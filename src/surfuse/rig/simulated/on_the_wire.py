@@ -25,6 +25,7 @@ from surfuse.records import BoolArray, Echo, FloatArray, JointState
 from surfuse.rig.description import camera_model, tool_from_array
 from surfuse.rig.devices import JointMotion, Rig
 from surfuse.rig.simulated.assembly import simulated_rig
+from surfuse.rig.simulated.twin_arm import TwinArm
 from surfuse.settings import Settings
 
 
@@ -93,6 +94,13 @@ class TwinOnTheWire:
         here = self._motion.arm.joint_state().position_rad
         joints, _ = nearest_configuration(solutions, valid, here, kinematics.lower_rad, kinematics.upper_rad)
         return np.asarray(joints[0], dtype=np.float64)
+
+    def world_from_grip(self) -> FloatArray:
+        """Where the grip (4, 4) truly is."""
+        arm = self._motion.arm
+        assert isinstance(arm, TwinArm)
+        with self._using:
+            return arm.true_tool_pose()
 
     def sweep(self, sensors: tuple[str, ...]) -> SweepAnswer:
         """All sensors fire, as in a scan; those that were asked are answered."""
