@@ -1,4 +1,4 @@
-"""The twin of a cell file, each device behind the protocol of its maker: the map is that of the twin in this process."""
+"""The twin of a cell file, each device behind its maker's protocol: the map is that of the twin in this process."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ from surfuse.settings import load
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
 SOUND = (
     'kind = "ultrasonic"\nbeam_full_angle_deg = 13.0\nrange_min_m = 0.33\nrange_max_m = 4.0\nsigma_m = 0.0003\n'
-    "frequency_hz = 63000.0\naperture_m = 0.04\ndead_length_m = 0.2\nfiring_time_s = 0.125\nincidence_limit_deg = 25.0\n"
+    "frequency_hz = 63000.0\naperture_m = 0.04\ndead_length_m = 0.2\nfiring_time_s = 0.125\n"
+    "incidence_limit_deg = 25.0\n"
 )
 LIGHT = (
     'kind = "tof"\nbeam_full_angle_deg = 2.0\nrange_min_m = 0.2\nrange_max_m = 4.0\nsigma_m = 0.0003\n'
@@ -60,7 +61,8 @@ def cell(arm: str, channel: str) -> str:
     area = f"[area]\norigin_m = {corner}\nu = [{s}, {-c}, 0.0]\nv = [0.0, 0.0, 1.0]\nwidth_m = 0.1\nheight_m = 0.05\n"
     bus = f'[bus]\ninterface = "virtual"\nchannel = "{channel}"\n'
     scene = '[scene]\nname = "flat"\n'
-    return f'[arm]\n{arm}\n{sensors}{bus}{scene}{area}[scan]\nstep_m = 0.025\nstandoff_m = 0.4337\n[fusion]\nmethod = "median"\n'
+    scan = '[scan]\nstep_m = 0.025\nstandoff_m = 0.4337\n[fusion]\nmethod = "median"\n'
+    return f"[arm]\n{arm}\n{sensors}{bus}{scene}{area}{scan}"
 
 
 def written(path: Path, text: str) -> Path:
