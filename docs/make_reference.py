@@ -53,7 +53,10 @@ They stand in the table that names the driver: `[arm]` or `[[sensor]]`.
 """
 NEEDED = "needed"
 RIG_TABLES = {"[[sensor]]": SensorSettings, "[area]": AreaSettings}
-DRIVERS = {"arms": ("bridge", "ur_rtde"), "sensors": ("a02yyuw", "hcsr04", "iio", "maxbotix", "tfmini")}
+DRIVERS = {
+    "arms": ("bridge", "gcode", "recorded", "ur_rtde"),
+    "sensors": ("a02yyuw", "gcode_probe", "hcsr04", "iio", "maxbotix", "ranging_kit", "recorded", "tfmini"),
+}
 
 PARAMETERS_TEXT = """\
 ## Parameters of the fusion methods

@@ -158,7 +158,7 @@ def test_a_bridge_that_dies_leaves_everything_on_disk(tmp_path):
     log = read_log(tmp_path / "run")
     # One question a sweep and one a state, after the greeting and the clock.
     assert len(log.sweeps) >= 30
-    assert [event.source for event in log.events] == ["record", "device"]
+    assert [event.source for event in log.events] == ["record", "clock", "device"]
     fuse(tmp_path / "run", tmp_path / "map", SilentWatcher())
     assert np.abs(off_plane_m(nc.read(tmp_path / "map" / "surface.nc"))).max() < 1e-3
 

@@ -95,10 +95,12 @@ def test_a_scan_of_poses_plays_back(of_poses, tmp_path):
     assert all(event.t_s <= times.max() for event in events)  # the clock is that of the record
 
 
-def test_a_scan_of_joints_plays_back_also_in_two_parts(of_joints, tmp_path):
+def test_a_scan_of_joints_plays_back_also_in_two_parts_from_two_folders(of_joints, tmp_path, monkeypatch):
     run, keys = of_joints
-    arm = f'driver = "recorded"\nlog = "{run}"\n{keys}'
+    monkeypatch.chdir(run.parent)
+    arm = f'driver = "recorded"\nlog = "{run.name}"\n{keys}'
     assert not play(tmp_path, arm, watcher=any_devices.StopsAfter(5)).complete
+    monkeypatch.chdir(Path(run.anchor))
     assert resume(tmp_path / "again", SilentWatcher(), yes=True).complete
     first, second = nc.read(run / "surface.nc"), nc.read(tmp_path / "again" / "surface.nc")
     np.testing.assert_allclose(first.height_m, second.height_m, atol=1e-9)

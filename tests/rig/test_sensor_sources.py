@@ -23,6 +23,7 @@ from surfuse.node.firmware import Node
 from surfuse.node.link import BusLink, BusParameters, open_bus
 from surfuse.node.responder import NodeIdentity, Responder
 from surfuse.records import Echo, SensorSpec, Status
+from surfuse.rig.devices import CLOCK
 from surfuse.runs.log_reader import read_log
 from surfuse.settings import load
 
@@ -137,6 +138,40 @@ class IioFolder:
         self._thread.join()
 
 
+@pytest.fixture
+def pins(rig):
+    """An HC-SR04 on mock pins that looks at the plane: trigger and echo."""
+    gpiozero = pytest.importorskip("gpiozero")
+    from gpiozero.pins.mock import MockFactory, MockPin
+    from gpiozero.pins.pi import PiPin
+
+    distance = Distance(rig, PLACES["c"])
+
+    class Trigger(MockPin):
+        def _set_state(self, value):
+            falls = self.state and not value
+            super()._set_state(value)
+            if falls:
+                # The driver's speed of sound at 0 degrees Celsius.
+                for ticks, state in ((1.0, 1), (1.0 + 2.0 * distance.range_m() / 331.3, 0)):
+                    self.echo._state = bool(state)
+                    PiPin._call_when_changed(self.echo, ticks, state)
+
+    earlier, factory = gpiozero.Device.pin_factory, MockFactory()
+    gpiozero.Device.pin_factory = factory
+    factory.pin("GPIO23", pin_class=Trigger).echo = factory.pin("GPIO24")
+    yield 'trigger_pin = "GPIO23"\necho_pin = "GPIO24"\nair_temperature_c = 0.0'
+    factory.reset()
+    gpiozero.Device.pin_factory = earlier
+
+
+def test_an_hcsr04_on_pins_beside_a_node(rig, pins, tmp_path):
+    with pretended.Served(rig) as served, node(rig, [PLACES["b"]], 1, "pins"):
+        path = written(tmp_path, arm(served.address), table("c", "hcsr04", pins), table("b", "node"), bus("pins"), AREA)
+        assert acquire(load(path), tmp_path / "run", SilentWatcher(), yes=True).complete
+    assert_on_the_plane(tmp_path / "run", [1e-6, 1e-4])
+
+
 @pytest.mark.skipif(os.name != "posix", reason="needs a pseudo-terminal")
 def test_a_node_a_serial_line_the_kernel_and_a_bridge_side_by_side(rig, tmp_path):
     pytest.importorskip("serial")
@@ -171,12 +206,18 @@ def test_stamps_of_all_sources_are_on_the_clock_of_the_rig(rig, tmp_path):
         path = written(tmp_path, arm(served.address), table("b", "node"), table("a", "bridge"), bus("stamps"), AREA)
         acquire(load(path), tmp_path / "run", SilentWatcher(), yes=True)
         now_s = time.monotonic() - rig.began_s
+    events = [event for event in read_log(tmp_path / "run").events if event.source == CLOCK]
+    assert len(events) == 1
+    told_ms = float(events[0].text.split(" was brought to it to ")[1].split(" ms")[0])
+    assert 0.0 <= told_ms < 1e3 * 60.0
     found = read_log(tmp_path / "run").readings()
     times_s = found.t_s.reshape(-1, 2)
     assert (found.t_s > 0.0).all()
-    assert (found.t_s <= now_s + 0.05).all()
+    slack_s = (
+        1e-3 * told_ms + 0.002
+    )  # half of the fastest answer to a state, and the node's clock of whole microseconds
+    assert (found.t_s <= now_s + slack_s).all()
     # The bridge is asked first, the node afterwards: an offset that is wrong would turn the order, or part them.
-    slack_s = 0.05
     assert (times_s[:, 0] >= times_s[:, 1] - slack_s).all()
     assert (times_s[1:, 1] >= times_s[:-1, 0] - slack_s).all()
 

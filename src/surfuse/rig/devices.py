@@ -19,6 +19,9 @@ from surfuse.node.counters import BusCounters
 from surfuse.records import CameraFrame, FloatArray, IntArray, SensorSpec
 from surfuse.rig.mounts import world_from_shoulder
 
+CLOCK = "clock"
+"""Source of the event of a log that says on which clock its stamps are."""
+
 
 @dataclass(frozen=True)
 class Truth:
@@ -85,6 +88,11 @@ def _no_streams(stage: str, index: int) -> None:
     """A real rig, which has no random streams to choose."""
 
 
+def _one_clock() -> str:
+    """A rig with one clock only."""
+    return ""
+
+
 def _not_supervised(by_hand: bool) -> None:
     """A rig whose arm may be moved by anyone at any time."""
 
@@ -97,7 +105,8 @@ class Rig:
     (4, 4) on its tool. `lookout` finds the part (None: the area to scan is given). `begin` tells a twin which stop
     comes next. `guide` tells the supervision of the arm whether a person moves it. `truth` is None in a real rig.
     `counters` counts what happened on the bus between host and array (None: there is no bus). `simulated`: time passes
-    only when the devices say so.
+    only when the devices say so. `stamps` says on which clock the readings are stamped, and how well all others were
+    brought to it, once the devices are open (empty: nothing had to be).
     """
 
     clock: Clock
@@ -112,6 +121,7 @@ class Rig:
     warnings: tuple[str, ...] = ()
     counters: Callable[[], BusCounters] | None = None
     simulated: bool = False
+    stamps: Callable[[], str] = _one_clock
 
     def __post_init__(self) -> None:
         if (self.motion is None) == (self.poses is None):

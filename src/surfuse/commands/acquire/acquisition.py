@@ -26,7 +26,8 @@ from surfuse.errors import ConfigError, DataError, DeviceError, InterruptError, 
 from surfuse.records import FusionScene, ScanPlan, Sweep
 from surfuse.rig.area import area_of, outline_of
 from surfuse.rig.assembled import assembled
-from surfuse.rig.devices import Rig
+from surfuse.rig.devices import CLOCK, Rig
+from surfuse.rig.real.recordings import with_whole_log
 from surfuse.runs.configuration import read_configuration, write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
@@ -137,11 +138,15 @@ def _noted(log: LogWriter, rig: Rig) -> Iterator[None]:
 
 
 def _from_anywhere(settings: Settings) -> Settings:
-    """The same with the whole paths of mesh and arm files, so that a resume may start in another folder."""
+    """The same with the whole paths of all files and logs, so that a resume may start in another folder."""
     mesh, arm, area = Path(settings.scene.name), settings.arm, settings.area
     scene = {"name": str(mesh.resolve())} if mesh.is_file() else {}
     file = {} if arm.file is None else {"file": str(Path(arm.file).resolve())}
-    changed: dict[str, object] = {"scene": settings.scene.model_copy(update=scene), "arm": arm.model_copy(update=file)}
+    changed: dict[str, object] = {
+        "scene": settings.scene.model_copy(update=scene),
+        "arm": with_whole_log(arm.model_copy(update=file)),
+        "sensor": tuple(with_whole_log(sensor) for sensor in settings.sensor),
+    }
     if area is not None:
         files = {key: str(Path(name).resolve()) for key in ("outline", "mesh") if (name := getattr(area, key))}
         changed["area"] = area.model_copy(update=files)
@@ -155,6 +160,8 @@ def _acquire(run: RunFolder, job: Job, warm_up: Popen[bytes] | None) -> Finished
     # Read before the writer opens: opening gives a killed segment its missing end.
     progress = read_progress(run.path)
     with rig.opened(), LogWriter(run.log) as log:
+        if stamps := rig.stamps():
+            log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, CLOCK, stamps))
         job = job_with_corners(run, job)
         scene, plan, done = _begin(progress, job, log)
         with _noted(log, rig):

@@ -26,7 +26,7 @@ from surfuse.interfaces import FusionMethod
 from surfuse.records import FusionResult, FusionScene, Gap, SurfaceMap, Sweep
 from surfuse.rig.area import outline_of
 from surfuse.rig.assembled import assembled
-from surfuse.rig.devices import Rig
+from surfuse.rig.devices import CLOCK, Rig
 from surfuse.runs.configuration import write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_files import segment_paths
@@ -121,6 +121,8 @@ def _record(
             _write_settings(run, settings)
         log.append_scene(_scene(rig, settings))
         log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, RECORDED, "somebody else moves the arm"))
+        if stamps := rig.stamps():
+            log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, CLOCK, stamps))
         tally = Tally(time.monotonic())
         watcher.stage("record")
         try:

@@ -22,7 +22,7 @@ from surfuse.records import FloatArray
 from surfuse.rig.described_sensors import places
 from surfuse.rig.devices import JointMotion, Rig
 from surfuse.rig.real.joint_bridge import JointBridgeArm
-from surfuse.rig.real.recordings import Recordings
+from surfuse.rig.real.recordings import RecordedClock, Recordings
 from surfuse.rig.real.sensors import array_of
 from surfuse.settings import Settings
 
@@ -66,7 +66,18 @@ def real_rig(settings: Settings) -> Rig:
         rig,
         guide=rig.guide if bridge is None else bridge.guide,
         counters=(lambda: array.counters) if array.has_bus else None,
+        stamps=lambda: _stamps(bridge, clock),
     )
+
+
+def _stamps(bridge: SharedBridge | None, clock: Clock) -> str:
+    """On which clock the stamps are, and how well others were brought to it."""
+    if isinstance(clock, RecordedClock):
+        return "stamps are those of the record"
+    if bridge is None:
+        return "stamps are on this machine's clock"
+    within_ms = 1e3 * bridge.offset.uncertainty_s
+    return f"stamps are on the bridge's clock; this machine's was brought to it to {within_ms:.2f} ms at the start"
 
 
 def _clock(settings: Settings, bridge: SharedBridge | None, recordings: Recordings) -> Clock:

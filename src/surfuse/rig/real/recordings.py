@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,9 +18,11 @@ from surfuse.rig.real.recorded_poses import RecordedPoseArm
 from surfuse.runs.log_reader import read_log
 from surfuse.runs.log_records import RunLog
 from surfuse.sensors import recorded as recorded_sensor
+from surfuse.settings import ArmSettings
 from surfuse.settings.rig_tables import SensorSettings, Value
 
 _LOG = "log"
+Table = TypeVar("Table", ArmSettings, SensorSettings)
 
 
 class RecordedClock:
@@ -138,6 +141,14 @@ class Recordings:
     def _begun_s(log: RunLog, number: int) -> float:
         """When a sweep began."""
         return float(log.sweeps[number].t_s.min())
+
+
+def with_whole_log(table: Table) -> Table:
+    """The table of a device with the whole path of the log that it plays back; of any other device the same."""
+    name = table.parameters.get(_LOG)
+    if table.driver != Recordings.DRIVER or not isinstance(name, str):
+        return table
+    return table.model_copy(update={"parameters": {**table.parameters, _LOG: str(Path(name).resolve())}})
 
 
 def _others(table: dict[str, Value]) -> dict[str, Value]:
