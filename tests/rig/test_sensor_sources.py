@@ -183,7 +183,7 @@ def test_a_node_a_serial_line_the_kernel_and_a_bridge_side_by_side(rig, tmp_path
         path = written(
             tmp_path,
             arm(served.address),
-            table("c", "tfmini", f'port = "{light.port}"\nmodel = "tfmini-plus"'),
+            table("c", "tfmini", f'port = "{light.port}"\nmodel = "tfmini-plus"\ntimeout_s = 60.0'),
             table("b", "node"),
             table("d", "iio", f'folder = "{tmp_path / "iio"}"\nmodel = "vl53l1x"'),
             table("a", "bridge"),

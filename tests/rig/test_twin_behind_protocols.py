@@ -37,11 +37,11 @@ LIGHT = (
 )
 # Driver with its keys, what it is in the twin, and half of the step in which it counts.
 DEVICES = {
-    "tfmini": ('driver = "tfmini"\nmodel = "tfmini-plus"\nport = "?"', LIGHT, 0.005),
-    "maxbotix": ('driver = "maxbotix"\nmodel = "hrxl-5m"\nport = "?"', SOUND, 0.0005),
-    "inches": ('driver = "maxbotix"\nmodel = "lv"\nport = "?"', SOUND, 0.0127),
-    "a02yyuw": ('driver = "a02yyuw"\nport = "?"', SOUND, 0.0005),
-    "kit": ('driver = "ranging_kit"\nport = "?"', SOUND, 0.0),
+    "tfmini": ('driver = "tfmini"\nmodel = "tfmini-plus"\ntimeout_s = 60.0\nport = "?"', LIGHT, 0.005),
+    "maxbotix": ('driver = "maxbotix"\nmodel = "hrxl-5m"\ntimeout_s = 60.0\nport = "?"', SOUND, 0.0005),
+    "inches": ('driver = "maxbotix"\nmodel = "lv"\ntimeout_s = 60.0\nport = "?"', SOUND, 0.0127),
+    "a02yyuw": ('driver = "a02yyuw"\ntimeout_s = 60.0\nport = "?"', SOUND, 0.0005),
+    "kit": ('driver = "ranging_kit"\ntimeout_s = 60.0\nport = "?"', SOUND, 0.0),
     "iio": ('driver = "iio"\nmodel = "vl53l1x"\nfolder = "?"', LIGHT, 0.0005),
     "node": ('driver = "node"', SOUND, 0.0001),
     "bridge": ("", SOUND, 0.0),
@@ -131,7 +131,11 @@ def test_what_a_ranger_says_is_what_its_driver_reads(driver, model, parser):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ('driver = "tfmini"\nmodel = "tfmini-plus"\nport = "?"', 'driver = "hcsr04"', "does not speak for driver"),
+        (
+            'driver = "tfmini"\nmodel = "tfmini-plus"\ntimeout_s = 60.0\nport = "?"',
+            'driver = "hcsr04"',
+            "does not speak for driver",
+        ),
         ('driver = "kinematic"', 'driver = "gcode"', "does not speak for arm.driver = 'gcode'"),
         ('driver = "kinematic"', 'driver = "ur_rtde"', "nothing says what the arm is"),
         ('interface = "virtual"', 'interface = "none"', "bus.interface = 'none' reaches none"),

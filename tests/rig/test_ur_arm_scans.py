@@ -46,9 +46,11 @@ def cell(arm: str) -> str:
     c, s = math.cos(math.radians(35.0)), math.sin(math.radians(35.0))
     corner = [1.12 * c - 0.05 * s, 1.12 * s + 0.05 * c, 1.06]
     return (
-        f'[arm]\n{arm}\n[[sensor]]\nname = "light"\ndriver = "tfmini"\nmodel = "tfmini-plus"\nport = "?"\n'
+        f'[arm]\n{arm}\n[[sensor]]\nname = "light"\ndriver = "tfmini"\nmodel = "tfmini-plus"\n'
+        'timeout_s = 60.0\nport = "?"\n'
         f"position_m = [0.02, 0.0, 0.03]\nfiring_time_s = 0.125\n{LIGHT}"
-        f'[[sensor]]\nname = "sound"\ndriver = "maxbotix"\nmodel = "hrxl-5m"\nport = "?"\n'
+        f'[[sensor]]\nname = "sound"\ndriver = "maxbotix"\nmodel = "hrxl-5m"\n'
+        'timeout_s = 60.0\nport = "?"\n'
         f"position_m = [-0.02, 0.0, 0.03]\nfiring_time_s = 0.125\n{SOUND}"
         f"[area]\norigin_m = {corner}\nu = [{s}, {-c}, 0.0]\nv = [0.0, 0.0, 1.0]\nwidth_m = 0.06\nheight_m = 0.03\n"
         '[scene]\nname = "flat"\n[scan]\nstep_m = 0.02\nstandoff_m = 0.4337\n[fusion]\nmethod = "median"\n'
