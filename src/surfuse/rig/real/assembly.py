@@ -20,6 +20,7 @@ from surfuse.motion.planners import slowed
 from surfuse.records import FloatArray
 from surfuse.rig.described_sensors import places
 from surfuse.rig.devices import JointMotion, Rig
+from surfuse.rig.real.camera import real_lookout
 from surfuse.rig.real.joint_bridge import JointBridgeArm
 from surfuse.rig.real.sensors import array_of
 from surfuse.settings import Settings
@@ -44,6 +45,7 @@ def real_rig(settings: Settings) -> Rig:
         if joints is not None
         else Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge, clock), tool_from_grip=grip)
     )
+    rig = replace(rig, lookout=real_lookout(settings, rig, bridge, clock))
     if bridge is None:
         return rig
     # The conversation is asked for when it is needed: the bridge opens later.
