@@ -19,6 +19,9 @@ from surfuse.vision.support_plane import height_over, outline_on_support, plane_
 
 _AREA_MIN_PX = 16.0
 
+Find = Callable[[CameraFrame], tuple[Detection, ...]]
+"""Names the parts in a picture."""
+
 
 @dataclass(frozen=True)
 class Sighting:
@@ -47,21 +50,25 @@ def plane_of(settings: Settings) -> FloatArray:
     return plane_frame(np.array(plane.origin_m), np.array(plane.normal), None if plane.u is None else np.array(plane.u))
 
 
-def finder_on_plane(settings: Settings) -> Callable[[CameraFrame], tuple[Detection, ...]]:
-    """The function that finds parts in a picture, or in the region of it that is to be looked at; the largest first."""
+def finder_on_plane(settings: Settings) -> Find:
+    """The function that finds parts in a picture, the largest first."""
     world_from_plane = plane_of(settings)
-    base, region = FindParameters(method=settings.search.threshold), settings.search.region_px
+    base = FindParameters(method=settings.search.threshold)
 
     def find(frame: CameraFrame) -> tuple[Detection, ...]:
         focal_px = np.sqrt(frame.camera.fx_px * frame.camera.fy_px)
         side_px = 0.5 * settings.search.smallest_part_m / height_over(frame, world_from_plane) * focal_px
-        chosen = replace(base, area_min_px=max(float(side_px) ** 2, _AREA_MIN_PX))
-        if region is None:
-            return find_parts(frame, chosen)
-        found = find_parts(_cut_out(frame, region), chosen)
-        return tuple(_shifted(one, np.array(region[:2], dtype=np.float64)) for one in found)
+        return find_parts(frame, replace(base, area_min_px=max(float(side_px) ** 2, _AREA_MIN_PX)))
 
     return find
+
+
+def in_region(find: Find, region: Region | None) -> Find:
+    """The same, of a region of each picture (left, top, width, height) as if it were the whole; None: the picture."""
+    if region is None:
+        return find
+    corner = np.array(region[:2], dtype=np.float64)
+    return lambda frame: tuple(_shifted(one, corner) for one in find(_cut_out(frame, region)))
 
 
 def sightings(frame: CameraFrame, found: Iterable[Detection], settings: Settings) -> tuple[Sighting, ...]:

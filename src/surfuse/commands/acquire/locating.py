@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.acquisition.search import FoundPart, SearchParameters, SearchResult, search
-from surfuse.commands.acquire.finding_on_plane import finder_on_plane
+from surfuse.commands.acquire.finding_on_plane import Find, finder_on_plane, in_region
 from surfuse.commands.outcome import Watcher
 from surfuse.errors import ConfigError, DataError, InterruptError
 from surfuse.records import CameraFrame, Detection, Outline, Status
@@ -48,10 +48,13 @@ class LocatedPart:
         return tuple(found.frame for found in self.parts)
 
 
-def finder(settings: Settings) -> Callable[[CameraFrame], tuple[Detection, ...]]:
+def finder(settings: Settings) -> Find:
     """The function that finds the parts in a picture: on the plane of the search, or standing on the ring table."""
-    if settings.search.plane is not None:
-        return finder_on_plane(settings)
+    find = _finder_on_table(settings) if settings.search.plane is None else finder_on_plane(settings)
+    return in_region(find, settings.search.region_px)
+
+
+def _finder_on_table(settings: Settings) -> Find:
     ring = TableRing(
         settings.cell.table_height_m, settings.cell.table_inner_radius_m, settings.cell.table_outer_radius_m
     )

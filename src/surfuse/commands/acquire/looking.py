@@ -26,7 +26,7 @@ from surfuse.settings import Settings
 
 @dataclass(frozen=True)
 class PlacedPart:
-    """The part on the plane of the search that will be scanned, the pictures for the log, and all parts seen whole."""
+    """The part on the plane of the search that will be scanned, the pictures for the log, and what was seen whole."""
 
     outline: Outline
     pictures: int
@@ -48,8 +48,10 @@ def look_for_part(rig: Rig, settings: Settings, watcher: Watcher) -> LocatedPart
     if settings.search.plane is None:
         return locate(rig, settings, watcher)
     turned = turn_and_look(rig, settings, watcher)
-    seen = tuple(one for part in turned.found.parts for one in sightings(part.frame, (part.detection,), settings))
-    return _chosen(_Looked(seen, turned.pictures, seen[0].frame), settings, watcher)
+    (part,) = sightings(turned.chosen.frame, (turned.chosen.detection,), settings)
+    if not part.whole:
+        raise _cut(turned.pictures)
+    return PlacedPart(part.outline, turned.pictures, tuple(one.frame for one in turned.found.parts), (part,))
 
 
 def look_from_here(rig: Rig, settings: Settings, watcher: Watcher) -> LocatedPart | PlacedPart:
@@ -120,10 +122,7 @@ def _chosen(looked: _Looked, settings: Settings, watcher: Watcher) -> PlacedPart
     if not looked.seen:
         raise nothing_seen(looked.pictures, looked.last)
     if not parts:
-        raise DataError(
-            f"a part is seen in {looked.pictures} pictures, and the border cuts it in each",
-            cure="look from farther away, move the part, or give a larger search.region_px: all of it must be seen",
-        )
+        raise _cut(looked.pictures)
     told = ", ".join(f"part {k} {_place(part.outline)}" for k, part in enumerate(parts, start=1))
     if number > len(parts):
         raise DataError(
@@ -137,6 +136,13 @@ def _chosen(looked: _Looked, settings: Settings, watcher: Watcher) -> PlacedPart
         if not any(part.frame is frame for frame in frames):
             frames.append(part.frame)
     return PlacedPart(parts[number - 1].outline, looked.pictures, tuple(frames), parts)
+
+
+def _cut(pictures: int) -> DataError:
+    return DataError(
+        f"a part is seen in {pictures} pictures, and the border of the picture or of search.region_px cuts it in each",
+        cure="look from farther away, move the part, or give a larger region: all of it must be seen",
+    )
 
 
 def _place(outline: Outline) -> str:

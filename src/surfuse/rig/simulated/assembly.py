@@ -69,11 +69,7 @@ def simulated_rig(settings: Settings) -> Rig:
         raise ConfigError(
             f"array.sensor = '{settings.array.sensor}'", cure="the simulated cell has the sensor 'polaroid'"
         )
-    if settings.camera.is_real:
-        raise ConfigError(
-            f"camera.driver = '{settings.camera.driver}' in the simulated cell",
-            cure="leave it out, or name the driver of a real arm, too",
-        )
+    _refuse_real_camera(settings)
     world, part = build_world(settings)
     clock = SimulatedClock()
     fixture = array_fixture(settings)
@@ -105,6 +101,17 @@ def simulated_rig(settings: Settings) -> Rig:
         warnings=part.warnings,
         counters=(lambda: array.counters) if isinstance(array, ArrayInProcess | ArrayElsewhere) else None,
     )
+
+
+def _refuse_real_camera(settings: Settings) -> None:
+    """Refuse what only a real rig has, before it is left aside without a word."""
+    if settings.camera.is_real:
+        what = f"camera.driver = '{settings.camera.driver}'"
+    elif settings.search.plane is not None:
+        what = "search.plane"
+    else:
+        return
+    raise ConfigError(f"{what} in the simulated cell", cure="leave it out, or name the driver of a real arm, too")
 
 
 def _lookout(settings: Settings, mover: ArmInCell, world: Twin, clock: Clock) -> Lookout:
