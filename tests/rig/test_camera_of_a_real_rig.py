@@ -353,7 +353,7 @@ def test_what_cannot_be_scanned_is_one_clear_error(served, rig, tmp_path):
         DataError,
         r"no part seen in 2 pictures; the last one has grey levels 1\d\d to 1\d\d, median 1\d\d of 255; put a part",
     )
-    rig.boxes, rig.pose = [table.Box(0.2, 0.0)], table.above(0.0, 0.0)
+    rig.boxes, rig.pose = [table.Box(0.36, 0.0)], table.above(0.0, 0.0)
     here = load(cell(tmp_path, served.address, ON_TOOL))
     refused(here, tmp_path / "cut", DataError, r"seen in 1 pictures, and the border .* cuts it in each; look from")
     rig.boxes, rig.farthest_x_m = [BOX], -0.5
