@@ -167,7 +167,8 @@ def test_several_parts_are_counted_by_size_and_each_once(served, rig, tmp_path):
     views = f"views = [{numbers(table.above(0.0, 0.0))}, {numbers(table.above(-0.02, 0.01))}]\n"
     watcher = Notes()
     log = scanned(cell(tmp_path, served.address, ON_TOOL, PLANE + views + "part = 2\n"), tmp_path / "run", watcher)
-    assert distance_of(log.scene.outline, table.shadow(small, table.above(0.0, 0.0) @ table.TOOL_FROM_CAMERA)) < TWO_PIXELS_M
+    eye = table.above(0.0, 0.0) @ table.TOOL_FROM_CAMERA
+    assert distance_of(log.scene.outline, table.shadow(small, eye)) < TWO_PIXELS_M
     assert sum("2 parts found: part 1 of" in note and "part 2 is scanned" in note for note in watcher.notes) == 1
     assert_is_the_box(tmp_path / "run", small)
     page = (tmp_path / "run" / "report.html").read_text("utf-8")

@@ -29,8 +29,9 @@ def part_frame(area: AreaSettings) -> FloatArray:
 
 
 def check_faces(world_from_part: FloatArray, world_from_grip: FloatArray, found: bool = False) -> None:
-    """Refuse an area, or the plane of a part that was `found` (pose (4, 4)) whose w points along the beams of the sensors as they stand now (pose (4, 4)).
+    """Refuse an area (pose (4, 4)) whose w points along the beams of the sensors as they stand now (pose (4, 4)).
 
+    `found`: a camera found the part on the plane of the search, whose normal is w.
     Its stops would lie behind the surface, and the way to them leads through it.
 
     Raises

@@ -138,7 +138,7 @@ def _noted(log: LogWriter, rig: Rig) -> Iterator[None]:
 
 
 def _from_anywhere(settings: Settings) -> Settings:
-    """The same with the whole paths of meshes, arm files and recordings, so that a resume may start in another folder."""
+    """The same with the whole paths of all files that it names, so that a resume may start in another folder."""
     mesh, arm, area = Path(settings.scene.name), settings.arm, settings.area
     scene = {"name": str(mesh.resolve())} if mesh.is_file() else {}
     file = {} if arm.file is None else {"file": str(Path(arm.file).resolve())}

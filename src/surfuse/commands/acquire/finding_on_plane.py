@@ -114,9 +114,7 @@ def _cut_out(frame: CameraFrame, region: Region) -> CameraFrame:
     inner: CameraModel = replace(
         camera, width_px=width, height_px=height, cx_px=camera.cx_px - left, cy_px=camera.cy_px - top
     )
-    return CameraFrame(
-        frame.image[top : top + height, left : left + width], frame.t_s, inner, frame.world_from_camera
-    )
+    return CameraFrame(frame.image[top : top + height, left : left + width], frame.t_s, inner, frame.world_from_camera)
 
 
 def _shifted(detection: Detection, by_px: FloatArray) -> Detection:

@@ -122,7 +122,7 @@ def _how_to_move(plan: ScanPlan, rig: Rig, settings: Settings) -> str:
 
 
 def obstacles(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]:
-    """What stands around the arm: floor, table, and a box around the part; away from the ring table nothing is known."""
+    """What stands around the arm: floor, table, and a box around the part; away from the ring table none is known."""
     if not around_table(settings):
         return ()
     table = settings.cell

@@ -22,7 +22,7 @@ _DOWN = 0.87  # more than 60 degrees up or down
 
 
 def found_parts(log: RunLog, settings: Settings) -> tuple[FoundPartView, ...]:
-    """Every part that a picture of the log was centred on, in the order of the pictures; on a plane, every one in it."""
+    """Every part that a picture of the log was centred on, in the order of the pictures; on a plane, every one seen."""
     find = finder(settings)
     if settings.search.plane is not None:
         seen_on_plane = (one for frame in log.frames for one in sightings(frame, find(frame), settings))

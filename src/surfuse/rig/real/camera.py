@@ -109,7 +109,7 @@ def _mover(settings: Settings, joints: Arm | None, bridge: SharedBridge | None) 
         what = "camera.mounted = 'shoulder'" if settings.camera.mounted == "shoulder" else "search.view_joints_deg"
         raise ConfigError(
             f"{what} needs an arm whose joints are commanded, arm.driver = '{settings.arm.driver}' is sent to poses",
-            cure="give the arm's file ([arm] file = ..., tool = ...), or a camera on the tool with views, or a fixed one",
+            cure="give the arm's file ([arm] file = ..., tool = ...), or views of a camera on the tool, or a fixed one",
         )
     return BridgeJoints(bridge, settings.arm.speed_share)
 
