@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from surfuse.arm_models.puma560 import READY_RAD, Puma560
+from surfuse.bridge.shared import SharedBridge
 from surfuse.commands.acquire.acquisition import acquire, resume
 from surfuse.commands.acquire.dry_run import dry_run
 from surfuse.commands.machine.doctor import doctor
@@ -17,6 +19,10 @@ from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import ConfigError, DataError, DeviceError, InterruptError, UnreachableError, UsageError
 from surfuse.exporters import nc
 from surfuse.geometry.polygons import signed_distance
+from surfuse.records import JointState
+from surfuse.rig.devices import JointMotion, Rig
+from surfuse.rig.real.assembly import real_rig
+from surfuse.rig.real.camera import real_lookout
 from surfuse.runs.log_reader import read_log
 from surfuse.settings import load
 
@@ -358,7 +364,7 @@ def test_what_cannot_be_scanned_is_one_clear_error(served, rig, tmp_path):
     here = load(cell(tmp_path, served.address, ON_TOOL))
     refused(here, tmp_path / "cut", DataError, r"seen in 1 pictures, and the border .* cuts it in each; look from")
     rig.boxes, rig.farthest_x_m = [BOX], -0.5
-    told = r"not one of \d+ stops .*; the camera puts the part at \(0.05\d, -0.02\d, 0.050\) m: move it into the reach"
+    told = r"not one of \d+ stops .*; the camera puts the part at \(0.0[45]\d, -0.02\d, 0.050\) m: move it into the reach"
     refused(here, tmp_path / "far", DataError, told)
     views = load(cell(tmp_path, served.address, ON_TOOL, PLANE + VIEWS))
     refused(views, tmp_path / "views", UnreachableError, r"take none of the 2 views .*beyond the end of the rail")
@@ -374,6 +380,43 @@ def test_a_plane_that_cannot_be_is_refused(served, rig, tmp_path):
         load(cell(tmp_path, served.address, ON_TOOL, "plane = { origin_m = [0.0, 0.0, 50.0] }\n"))
     without = load(cell(tmp_path, served.address, ON_TOOL, ""))
     refused(without, tmp_path / "without", ConfigError, r"mounted = 'tool', and nothing says how far away the part is")
+
+
+class JointArm:
+    """An arm that takes joints, as the one of a file."""
+
+    def __init__(self):
+        self.kinematics, self.joints = Puma560(np.eye(4), np.eye(4)), READY_RAD.copy()
+
+    def joint_state(self):
+        return JointState(self.joints, 0.0)
+
+    def move_to(self, joints_rad):
+        self.joints = np.array(joints_rad)
+        return self.joint_state()
+
+
+def test_an_arm_of_joints_brings_its_camera_to_poses_and_to_joints(served, tmp_path):
+    arm, offset = JointArm(), "position_m = [0.03, -0.02, 0.05]\n"
+    grip_from_tool = np.linalg.inv(table.moved(0.03, -0.02, 0.05))
+    view = arm.kinematics.forward(READY_RAD + 0.1) @ grip_from_tool
+
+    def lookout(search):
+        path = cell(tmp_path, served.address, ON_TOOL, PLANE + search)
+        path.write_text(path.read_text("utf-8").replace("sigma_m = 0.001\n", f"sigma_m = 0.001\n{offset}"), "utf-8")
+        settings = load(path)
+        rig = real_rig(settings)
+        joints = Rig(clock=rig.clock, array=rig.array, motion=JointMotion(arm))
+        return real_lookout(settings, joints, SharedBridge(lambda: None), rig.clock)
+
+    seen = lookout(f"views = [{numbers(view)}]\n")
+    seen.moves[0]()
+    np.testing.assert_allclose(seen.place(), view @ table.TOOL_FROM_CAMERA, atol=1e-6)
+    degrees = np.degrees(READY_RAD + 0.2).tolist()
+    lookout(f"view_joints_deg = [{degrees}]\n").moves[0]()
+    np.testing.assert_allclose(arm.joints, READY_RAD + 0.2)
+    with pytest.raises(UnreachableError, match="cannot bring the grip to"):
+        lookout(f"views = [{numbers(table.above(5.0, 0.0))}]\n").moves[0]()
 
 
 def test_without_area_and_without_camera_the_error_says_both(served, tmp_path):
