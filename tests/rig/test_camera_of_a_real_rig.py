@@ -14,17 +14,23 @@ from surfuse.arm_models.puma560 import READY_RAD, Puma560
 from surfuse.bridge.shared import SharedBridge
 from surfuse.commands.acquire.acquisition import acquire, resume
 from surfuse.commands.acquire.dry_run import dry_run
+from surfuse.commands.acquire.finding_on_plane import parts_seen, sightings
+from surfuse.commands.acquire.locating import finder
+from surfuse.commands.acquire.looking import look_from_here
 from surfuse.commands.machine.doctor import doctor
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import ConfigError, DataError, DeviceError, InterruptError, UnreachableError, UsageError
 from surfuse.exporters import nc
 from surfuse.geometry.polygons import signed_distance
-from surfuse.records import JointState
+from surfuse.records import CameraFrame, JointState
+from surfuse.rig.assembled import assembled
+from surfuse.rig.description import camera_model
 from surfuse.rig.devices import JointMotion, Rig
 from surfuse.rig.real.assembly import real_rig
 from surfuse.rig.real.camera import real_lookout
 from surfuse.runs.log_reader import read_log
 from surfuse.settings import load
+from surfuse.vision.support_plane import plane_frame
 
 HERE = Path(__file__).parent
 
@@ -151,9 +157,6 @@ def test_the_outline_holds_the_true_one_within_its_sigma_whatever_the_place(serv
 
 
 def found_outline(settings):
-    from surfuse.commands.acquire.looking import look_from_here
-    from surfuse.rig.assembled import assembled
-
     rig = assembled(settings)
     with rig.opened():
         return look_from_here(rig, settings, SilentWatcher()).outline
@@ -199,6 +202,20 @@ def test_a_region_of_the_picture_hides_what_is_beside_the_part(served, rig, tmp_
         found_outline(beyond)
 
 
+def test_a_table_whose_edges_are_seen_is_not_the_part(served, rig, tmp_path):
+    """The floor beside the table fills most of the picture's rim, so that the table looks like a part that is cut."""
+    settings = load(cell(tmp_path, served.address, ON_TOOL))
+    eye = table.above(0.0, 0.0) @ table.TOOL_FROM_CAMERA
+    image = table.picture([BOX], eye)
+    image[:, :60] = image[:30] = 20
+    camera_of_cell = camera_model(settings)
+    frame = CameraFrame(image, 0.0, camera_of_cell, eye)
+    (found,) = sightings(frame, finder(settings)(frame), settings)
+    assert found.whole
+    assert distance_of(found.outline, table.shadow(BOX, eye)) < TWO_PIXELS_M
+    assert parts_seen([found, found]) == (found,)
+
+
 def test_a_dry_run_and_the_doctor_take_a_picture_and_move_nothing(served, rig, tmp_path):
     rig.pose = table.above(0.0, 0.0)
     path = cell(tmp_path, served.address, ON_TOOL)
@@ -208,7 +225,7 @@ def test_a_dry_run_and_the_doctor_take_a_picture_and_move_nothing(served, rig, t
     assert found["problems"] == []
     told = found["checks"]["camera"]["text"]
     assert "320 x 240 pixels, mean grey level" in told
-    assert "1 parts seen whole" in found["checks"]["search"]["text"]
+    assert "parts seen whole: 1" in found["checks"]["search"]["text"]
     # The line that it prints makes a cell file that looks from there.
     line = found["checks"]["view"]["text"].partition("[search] ")[2]
     assert load(cell(tmp_path, served.address, ON_TOOL, f"{PLANE}{line}\n")).search.views is not None
@@ -268,8 +285,6 @@ def test_an_interrupted_scan_goes_on_without_looking_again(served, rig, tmp_path
 
 def test_a_wall_before_the_camera_is_as_normal_as_a_table():
     """The same geometry, turned: the plane's frame is that of a plate before the arm, v up, w at the camera."""
-    from surfuse.vision.support_plane import plane_frame
-
     frame = plane_frame(np.array([1.0, 0.0, 0.3]), np.array([-1.0, 0.0, 0.0]), None)
     np.testing.assert_allclose(frame[:3, :3], [[0, 0, -1], [-1, 0, 0], [0, 1, 0]], atol=1e-12)
     lying = plane_frame(np.zeros(3), np.array([0.0, 0.6, 0.8]), None)
@@ -362,9 +377,9 @@ def test_what_cannot_be_scanned_is_one_clear_error(served, rig, tmp_path):
     )
     rig.boxes, rig.pose = [table.Box(0.36, 0.0)], table.above(0.0, 0.0)
     here = load(cell(tmp_path, served.address, ON_TOOL))
-    refused(here, tmp_path / "cut", DataError, r"seen in 1 pictures, and the border .* cuts it in each; look from")
+    refused(here, tmp_path / "cut", DataError, r"seen in 1 picture, and the border .* cuts it in each; look from")
     rig.boxes, rig.farthest_x_m = [BOX], -0.5
-    told = r"not one of \d+ stops .*; the camera puts the part at \(0.0[45]\d, -0.02\d, 0.050\) m: move it into the reach"
+    told = r"not one of \d+ stops .* the camera puts the part at \(0.0[45]\d, -0.02\d, 0.050\) m: move it into"
     refused(here, tmp_path / "far", DataError, told)
     views = load(cell(tmp_path, served.address, ON_TOOL, PLANE + VIEWS))
     refused(views, tmp_path / "views", UnreachableError, r"take none of the 2 views .*beyond the end of the rail")

@@ -115,7 +115,7 @@ def test_the_part_is_scanned_and_the_report_shows_the_search(served, twin_settin
 def test_a_dry_run_looks_from_where_the_arm_stands(served, in_process, twin_settings, tmp_path):
     path = cell(tmp_path, served.address, twin_settings)
     away = served.twin._motion.arm.joint_state().position_rad
-    with pytest.raises(DataError, match=r"no part seen in 1 pictures.*--dry-run moves nothing"):
+    with pytest.raises(DataError, match=r"no part seen in 1 picture.*--dry-run moves nothing"):
         dry_run(load(path), None, SilentWatcher())
     np.testing.assert_array_equal(served.twin._motion.arm.joint_state().position_rad, away)
     there = away.copy()
@@ -127,7 +127,7 @@ def test_a_dry_run_looks_from_where_the_arm_stands(served, in_process, twin_sett
     assert found["problems"] == []
     assert "500 x 582 pixels" in found["checks"]["camera"]["text"]
     assert "on the shoulder" in found["checks"]["us_shoulder"]["text"]
-    assert "1 parts in this picture" in found["checks"]["search"]["text"]
+    assert "parts in this picture: 1, the largest" in found["checks"]["search"]["text"]
 
 
 def test_a_place_on_the_shoulder_must_be_given_and_the_simulated_cell_has_its_own(twin_settings, tmp_path):

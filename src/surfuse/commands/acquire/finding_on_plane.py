@@ -15,9 +15,11 @@ from surfuse.settings import Settings
 from surfuse.settings.looking_tables import Region
 from surfuse.vision.dominant_points import DominantPointParameters
 from surfuse.vision.part_finder import FindParameters, find_parts
+from surfuse.vision.polarity import Polarity
 from surfuse.vision.support_plane import height_over, outline_on_support, plane_frame
 
 _AREA_MIN_PX = 16.0
+_EITHER: tuple[Polarity, ...] = ("bright", "dark")
 
 Find = Callable[[CameraFrame], tuple[Detection, ...]]
 """Names the parts in a picture."""
@@ -51,14 +53,24 @@ def plane_of(settings: Settings) -> FloatArray:
 
 
 def finder_on_plane(settings: Settings) -> Find:
-    """The function that finds parts in a picture, the largest first."""
+    """The function that finds parts in a picture, the largest first.
+
+    Where the border cuts all of them, they may be the table itself, seen with what is beside it: then regions brighter
+    and regions darker than the rest are looked for, and those that are whole are the parts.
+    """
     world_from_plane = plane_of(settings)
     base = FindParameters(method=settings.search.threshold)
 
     def find(frame: CameraFrame) -> tuple[Detection, ...]:
         focal_px = np.sqrt(frame.camera.fx_px * frame.camera.fy_px)
         side_px = 0.5 * settings.search.smallest_part_m / height_over(frame, world_from_plane) * focal_px
-        return find_parts(frame, replace(base, area_min_px=max(float(side_px) ** 2, _AREA_MIN_PX)))
+        chosen = replace(base, area_min_px=max(float(side_px) ** 2, _AREA_MIN_PX))
+        found = find_parts(frame, chosen)
+        if not found or not all(one.touches_border for one in found):
+            return found
+        bright, dark = (find_parts(frame, replace(chosen, polarity=polarity)) for polarity in _EITHER)
+        whole = [one for one in (*bright, *dark) if not one.touches_border]
+        return tuple(sorted(whole, key=lambda one: -one.area_px)) or found
 
     return find
 

@@ -68,6 +68,10 @@ def look_from_here(rig: Rig, settings: Settings, watcher: Watcher) -> LocatedPar
     if not found:
         raise nothing_seen(1, frame)
     middle = min(found, key=lambda one: abs(float(one.centroid_px[0]) - frame.camera.cx_px))
+    if middle.touches_border:
+        watcher.warn(
+            "the border of the picture cuts the part: turn joint 1 until all of it is seen; the search itself does so"
+        )
     part = FoundPart(angle_rad, angle_rad, frame, middle, False)
     return outlined_standing(rig, settings, part, 1, (part,))
 
@@ -126,7 +130,7 @@ def _chosen(looked: _Looked, settings: Settings, watcher: Watcher) -> PlacedPart
     told = ", ".join(f"part {k} {_place(part.outline)}" for k, part in enumerate(parts, start=1))
     if number > len(parts):
         raise DataError(
-            f"search.part = {number}, but {len(parts)} seen whole in {looked.pictures} pictures: {told}",
+            f"search.part = {number}, but {len(parts)} seen whole in {_counted(looked.pictures)}: {told}",
             cure="give the number of one of them",
         )
     if len(parts) > 1:
@@ -140,9 +144,14 @@ def _chosen(looked: _Looked, settings: Settings, watcher: Watcher) -> PlacedPart
 
 def _cut(pictures: int) -> DataError:
     return DataError(
-        f"a part is seen in {pictures} pictures, and the border of the picture or of search.region_px cuts it in each",
-        cure="look from farther away, move the part, or give a larger region: all of it must be seen",
+        f"a part is seen in {_counted(pictures)}, and the border of the picture or of search.region_px cuts it in each",
+        cure="look from farther away, or move the part: all of it must be seen; where it is the table or something "
+        "else that is cut, leave it out by search.region_px",
     )
+
+
+def _counted(pictures: int) -> str:
+    return "1 picture" if pictures == 1 else f"{pictures} pictures"
 
 
 def _place(outline: Outline) -> str:
@@ -156,7 +165,7 @@ def nothing_seen(pictures: int, last: CameraFrame) -> DataError:
     """No part in any picture, and what the last one looked like."""
     low, middle, high = np.percentile(last.image, (1.0, 50.0, 99.0))
     return DataError(
-        f"no part seen in {pictures} pictures; the last one has grey levels {low:.0f} to {high:.0f}, median "
+        f"no part seen in {_counted(pictures)}; the last one has grey levels {low:.0f} to {high:.0f}, median "
         f"{middle:.0f} of 255",
         cure="put a part where the camera sees it on a ground of another brightness, give light, or change "
         "search.threshold, search.smallest_part_m or search.region_px",

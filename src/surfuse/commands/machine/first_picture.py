@@ -66,12 +66,12 @@ def _sees(frame: CameraFrame, settings: Settings) -> tuple[str, bool]:
     if not found:
         return "no part in this picture, from where the camera is now", True
     if settings.search.plane is None:
-        return f"{len(found)} parts in this picture, the largest of {found[0].area_px:.0f} pixels", True
+        return f"parts in this picture: {len(found)}, the largest of {found[0].area_px:.0f} pixels", True
     whole = parts_seen(sightings(frame, found, settings))
     sizes = [1e3 * np.ptp(one.outline.vertices_m, axis=0) for one in whole]
     told = ", ".join(f"{size[0]:.0f} x {size[1]:.0f} mm" for size in sizes)
     cut = len(found) - len(whole)
-    return f"{len(whole)} parts seen whole ({told or 'none'}), {cut} cut by the border or seen twice", True
+    return f"parts seen whole: {told or 'none'}; {cut} cut by the border or seen twice", True
 
 
 def _range(lookout: Lookout) -> tuple[str, bool]:
