@@ -10,10 +10,11 @@ from datetime import datetime
 from pathlib import Path
 from subprocess import Popen
 
-from surfuse.commands.acquire.consent import agreed, refuse_unasked
+from surfuse.commands.acquire.consent import agreed, agreed_to_look, refuse_unasked
 from surfuse.commands.acquire.corners import job_with_corners
 from surfuse.commands.acquire.job import Job
-from surfuse.commands.acquire.locating import LocatedPart, finder, locate
+from surfuse.commands.acquire.locating import LocatedPart, finder
+from surfuse.commands.acquire.looking import PlacedPart, look_for_part
 from surfuse.commands.acquire.planning import plan_for, scene_of
 from surfuse.commands.acquire.results import Finished, Scanned, bus_event, finish, outcome_of, statuses
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
@@ -22,9 +23,9 @@ from surfuse.commands.acquire.warm_up import wait_for, warm_up_beside
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.commands.show.observer import UNOBSERVED, ScanObserver
-from surfuse.errors import ConfigError, DataError, DeviceError, InterruptError, SafetyStopError, StorageError
+from surfuse.errors import DataError, DeviceError, InterruptError, SafetyStopError, StorageError
 from surfuse.records import FusionScene, ScanPlan, Sweep
-from surfuse.rig.area import area_of, outline_of
+from surfuse.rig.area import area_of, nothing_to_scan, outline_of
 from surfuse.rig.assembled import assembled
 from surfuse.rig.devices import CLOCK, Rig
 from surfuse.rig.real.recordings import with_whole_log
@@ -150,6 +151,10 @@ def _from_anywhere(settings: Settings) -> Settings:
     if area is not None:
         files = {key: str(Path(name).resolve()) for key in ("outline", "mesh") if (name := getattr(area, key))}
         changed["area"] = area.model_copy(update=files)
+    camera, recording = settings.camera, settings.camera.parameters.get("source")
+    if isinstance(recording, str):
+        whole = {**camera.parameters, "source": str(Path(recording).resolve())}
+        changed["camera"] = camera.model_copy(update={"parameters": whole})
     return settings.model_copy(update=changed)
 
 
@@ -194,8 +199,8 @@ def _begin(progress: ScanProgress | None, job: Job, log: LogWriter) -> tuple[Fus
     scene = scene_of(rig, settings, outline, plan)
     log.append_scene(scene)
     if part is not None:
-        for found in part.parts:
-            log.append_frame(found.frame)
+        for frame in part.frames:
+            log.append_frame(frame)
         text = f"part found after {part.pictures} pictures"
         log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, "search", text))
     log.append_plan(plan)
@@ -204,7 +209,7 @@ def _begin(progress: ScanProgress | None, job: Job, log: LogWriter) -> tuple[Fus
     return scene, plan, ()
 
 
-def _located(job: Job) -> LocatedPart | None:
+def _located(job: Job) -> LocatedPart | PlacedPart | None:
     """The part that the lookout finds; None where the area to scan is given.
 
     Raises
@@ -214,8 +219,9 @@ def _located(job: Job) -> LocatedPart | None:
     if job.settings.area is not None:
         return None
     if job.rig.lookout is None:
-        raise ConfigError("nothing says where to scan", cure="add an [area] to the cell file")
-    return locate(job.rig, job.settings, job.watcher)
+        raise nothing_to_scan()
+    agreed_to_look(job)
+    return look_for_part(job.rig, job.settings, job.watcher)
 
 
 def _tell(rig: Rig, log: LogWriter, watcher: Watcher, source: str, doubt: str) -> None:

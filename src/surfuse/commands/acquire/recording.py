@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -77,7 +77,7 @@ def record_run(
         )
     watcher.stage("start")
     method = create_method(settings.fusion)
-    rig = assembled(settings)
+    rig = replace(assembled(settings), lookout=None)  # nothing is looked for, and a camera would be opened in vain
     run = RunFolder.create(out or default_folder("recorded"))
     with run.lock(), _kept(run):
         _write_settings(run, settings)

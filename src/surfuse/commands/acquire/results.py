@@ -149,6 +149,9 @@ def statuses(sweeps: Sequence[Sweep]) -> IntArray:
 def _margin_row(settings: Settings, scene: FusionScene, plan: ScanPlan) -> list[tuple[str, str]]:
     if scene.outline is None or settings.area is not None:
         return []
+    if settings.search.plane is not None:
+        given = "as configured" if settings.scan.margin_m is not None else "asked for by the outline's uncertainty"
+        return [("margin", f"{1e3 * plan.outline.margin_m:.1f} mm, {given}")]
     return [("margin", margin_in_words(scene.outline, plan.outline.margin_m, settings.scan.margin_m is not None))]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from surfuse.acquisition.station import take_sweep
 from surfuse.arms.bridge import BridgeArm
 from surfuse.commands.machine.checks import Check
+from surfuse.commands.machine.first_picture import camera_checks
 from surfuse.errors import ConfigError, SafetyStopError, SurfuseError
 from surfuse.records import FloatArray, Status, Sweep, ToolState
 from surfuse.rig.area import area_of, check_faces, outline_of
@@ -30,7 +31,7 @@ def first_contact(rig: Rig, settings: Settings) -> list[Check]:
     """
     try:
         with rig.opened():
-            return [*_clock(rig), *_arm(rig), *_sensors(rig), *_area(rig, settings)]
+            return [*_clock(rig), *_arm(rig), *_sensors(rig), *camera_checks(rig, settings), *_area(rig, settings)]
     except SurfuseError as error:
         return [("rig", str(error), False)]
 

@@ -21,6 +21,7 @@ from surfuse.motion.planners import slowed
 from surfuse.records import FloatArray
 from surfuse.rig.described_sensors import places
 from surfuse.rig.devices import JointMotion, Rig
+from surfuse.rig.real.camera import real_lookout
 from surfuse.rig.real.joint_bridge import JointBridgeArm
 from surfuse.rig.real.recordings import RecordedClock, Recordings
 from surfuse.rig.real.sensors import array_of
@@ -62,6 +63,7 @@ def real_rig(settings: Settings) -> Rig:
             begin=begin,
         )
     )
+    rig = replace(rig, lookout=real_lookout(settings, rig, bridge, clock, recordings))
     return replace(
         rig,
         guide=rig.guide if bridge is None else bridge.guide,
