@@ -28,6 +28,10 @@ class Truth:
     triangles: IntArray
 
 
+def _supervised() -> None:
+    """The driver of the arm notices by itself when it moves."""
+
+
 def _nothing(obstacles: tuple[Obstacle, ...]) -> None:
     """A rig whose arm checks its motions by itself."""
 
@@ -46,7 +50,7 @@ class JointMotion:
 
     `clearance` makes the collision check for a list of obstacles, `link_poses` gives the poses of its links (None: the
     shape is not known). `surround` tells the check of all motions what stands around the arm, once that is known.
-    `smooth` is what a pass without stops needs (None: the arm must stand to be used).
+    `smooth` is what a pass without stops needs (None: the arm must stand to be used). `look_again` as in `JointStopArm`.
     """
 
     arm: Arm
@@ -54,6 +58,7 @@ class JointMotion:
     link_poses: Callable[[FloatArray], FloatArray] | None = None
     surround: Callable[[tuple[Obstacle, ...]], None] = _nothing
     smooth: SmoothMotion | None = None
+    look_again: Callable[[], object] = _supervised
 
 
 @dataclass(frozen=True)
@@ -126,7 +131,7 @@ class Rig:
     def stop_arm(self) -> StopArm:
         """The arm as the walk through a plan uses it."""
         if self.motion is not None:
-            return JointStopArm(self.motion.arm)
+            return JointStopArm(self.motion.arm, self.motion.look_again)
         assert self.poses is not None
         return PoseStopArm(self.poses, self.tool_from_grip)
 

@@ -38,7 +38,7 @@ def first_contact(rig: Rig, settings: Settings) -> list[Check]:
 def _clock(rig: Rig) -> list[Check]:
     if not isinstance(rig.poses, BridgeArm):
         return []
-    hello, offset = rig.poses.client.hello, rig.poses.offset
+    hello, offset = rig.poses.client.hello, rig.poses.clock.offset
     arm = "no arm that moves" if hello.arm is None else f"{hello.arm.kind.value} arm"
     good = offset.uncertainty_s < _CLOCK_LIMIT_S
     slow = "" if good else f", limit {1e3 * _CLOCK_LIMIT_S:.0f} ms: the line is too slow"

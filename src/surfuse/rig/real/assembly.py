@@ -40,7 +40,7 @@ def real_rig(settings: Settings) -> Rig:
     grip = tool_from_grip(*places(settings.sensor))
     joints = _joint_arm(settings, grip, bridge, clock)
     rig = (
-        Rig(clock=clock, array=array, motion=JointMotion(joints))
+        Rig(clock=clock, array=array, motion=_joint_motion(joints))
         if joints is not None
         else Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge, clock), tool_from_grip=grip)
     )
@@ -48,6 +48,13 @@ def real_rig(settings: Settings) -> Rig:
         return rig
     # The conversation is asked for when it is needed: the bridge opens later.
     return replace(rig, begin=lambda stage, index: bridge.client.begin(stage, index), guide=bridge.guide)
+
+
+def _joint_motion(joints: Arm) -> JointMotion:
+    # Whether an arm behind a bridge has moved while the array fired is only known by asking.
+    if isinstance(joints, JointBridgeArm):
+        return JointMotion(joints, look_again=joints.joint_state)
+    return JointMotion(joints)
 
 
 def _bridge(settings: Settings) -> SharedBridge | None:
