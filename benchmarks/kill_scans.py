@@ -40,16 +40,16 @@ SONAR = (
 
 
 def gantry_cell(arm: str) -> str:
-    """One laser over the plane of the pretended rig, 60 stops."""
+    """One laser over the plane of the pretended rig, 209 stops."""
     area = "origin_m = [-0.09, -0.05, 0.0]\nwidth_m = 0.18\nheight_m = 0.10\ntallest_m = 0.1"
     return (
-        f'[arm]\n{arm}\n[[sensor]]\nname = "us0"\n{LASER}[area]\n{area}\n[scan]\nstep_m = 0.02\nstandoff_m = 0.4\n'
+        f'[arm]\n{arm}\n[[sensor]]\nname = "us0"\n{LASER}[area]\n{area}\n[scan]\nstep_m = 0.01\nstandoff_m = 0.4\n'
         '[fusion]\nmethod = "mean"\n'
     )
 
 
 def twin_cell(arm: str, method: str) -> str:
-    """Four ultrasonic rangers before the twin's relief, 25 stops."""
+    """Four ultrasonic rangers before the twin's relief, 81 stops."""
     c, s = math.cos(math.radians(35.0)), math.sin(math.radians(35.0))
     corner = [1.12 * c - 0.1 * s, 1.12 * s + 0.1 * c, 1.0]
     places = [(0.025, -0.025), (-0.025, -0.025), (0.025, 0.025), (-0.025, 0.025)]
@@ -58,7 +58,7 @@ def twin_cell(arm: str, method: str) -> str:
     )
     area = f"[area]\norigin_m = {corner}\nu = [{s}, {-c}, 0.0]\nv = [0.0, 0.0, 1.0]\nwidth_m = 0.2\nheight_m = 0.2\n"
     fusion = f'[fusion]\nmethod = "{method}"\n' if method else ""
-    return f"[arm]\n{arm}\n{sensors}{area}[scan]\nstep_m = 0.05\n{fusion}"
+    return f"[arm]\n{arm}\n{sensors}{area}[scan]\nstep_m = 0.025\n{fusion}"
 
 
 class Bridge:
@@ -209,7 +209,9 @@ class Campaign:
             begun = (run / "run.toml").is_file()
             process = _started("resume", run, "--yes", "--quiet") if begun else rig.acquire(run)
             if self._dice.random() < AGAIN_SHARE:
-                self._kill(rig, process, run, self._dice.choice(("scan", "bridge")), self._dice.uniform(from_s, duration_s))
+                self._kill(
+                    rig, process, run, self._dice.choice(("scan", "bridge")), self._dice.uniform(from_s, duration_s)
+                )
                 continue
             complaints = process.communicate()[1]
             if process.returncode:
@@ -271,7 +273,9 @@ def main() -> None:
             for rig in found:
                 rig.bridge.kill()
         if campaign.wrong:
-            kept = shutil.copytree(folder, Path(tempfile.gettempdir()) / f"killed_scans_{asked.seed}_{int(time.time())}")
+            kept = shutil.copytree(
+                folder, Path(tempfile.gettempdir()) / f"killed_scans_{asked.seed}_{int(time.time())}"
+            )
             print(f"\nruns that differ are kept in {kept}")
     print(f"\n{campaign.kills} kills in {campaign.runs} runs, {campaign.runs - len(campaign.wrong)} maps identical")
     print("durations of an uninterrupted run: " + ", ".join(f"{seconds:.1f} s" for _, _, seconds in references))

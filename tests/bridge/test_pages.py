@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from surfuse.bridge import answers, questions
 from surfuse.arms.bridge import Parameters
+from surfuse.bridge import answers, questions
 from surfuse.bridge.consistency import Tolerances
 from surfuse.bridge.fields import Fields
 from surfuse.bridge.messages import Ability, ArmKind, ArmOfBridge, CameraOfBridge, Question, Refusal

@@ -89,9 +89,7 @@ def record(
     _leave_out(waiting, hooks)
 
 
-def _heard(
-    array: RangeArray, lag_s: Sequence[float], stamps_off_s: Callable[[], tuple[float, ...]] | None
-) -> _Heard:
+def _heard(array: RangeArray, lag_s: Sequence[float], stamps_off_s: Callable[[], tuple[float, ...]] | None) -> _Heard:
     """One sweep, with the moments at which it was taken."""
     echoes = tuple(replace(echo, t_s=echo.t_s + lag) for echo, lag in zip(array.sweep(), lag_s, strict=True))
     return _Heard(echoes, (0.0,) * len(echoes) if stamps_off_s is None else stamps_off_s())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from surfuse.bridge.messages import Question
@@ -43,9 +42,9 @@ class ClockFindings:
 
     def in_words(self) -> str:
         """One sentence without its end."""
+        text = f"this computer's and the bridge's agree to {1e3 * self.offset.uncertainty_s:.2g} ms"
         if not self.keeps_pace:
-            return "the bridge has a time of its own, which does not pass as this computer's"
-        text = f"the bridge's and this computer's agree to {1e3 * self.offset.uncertainty_s:.2g} ms"
+            return f"{text} and do not keep pace: its time is that of a simulation, or its states are told late"
         if self.drift_uncertainty > DRIFT_LIMIT:
             return text
         return f"{text}; drift {1e6 * self.drift:+.0f} ppm, at most {1e6 * self.drift_uncertainty:.0f} off"
@@ -161,10 +160,3 @@ class ClockWatch:
         """Whether the clock kept pace long enough, over all that was asked since the last state."""
         assert self._first is not None
         return known.at_s - self._first.at_s >= PACE_S and all(self._asked[kind] >= PACE_TIMES for kind in since)
-
-
-def clock_sentence(findings: ClockFindings, others: Sequence[str]) -> str:
-    """How well the stamps of one rig belong together; `others` are sensors that the bridge does not stamp."""
-    if not others:
-        return f"all stamps are those of the bridge; {findings.in_words()}"
-    return f"{findings.in_words()}; stamps of {', '.join(others)} are brought from this computer's to the bridge's"

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from surfuse.acquisition.stop_arm import JointStopArm, PoseStopArm, StopArm
+from surfuse.bridge.clock import ClockFindings
 from surfuse.errors import ConfigError
 from surfuse.interfaces import Arm, Camera, Clock, Device, PoseArm, RangeArray, RangeSensor
 from surfuse.motion.clearance import ClearanceModel
@@ -95,12 +96,40 @@ def _not_supervised(by_hand: bool) -> None:
 
 
 @dataclass(frozen=True)
+class Stamps:
+    """How well the stamps of a rig belong together, whose arm has the clock of a bridge.
+
+    `others` are the sensors that the bridge does not stamp: their stamps are brought from this machine's clock to its.
+    """
+
+    clock: ClockFindings
+    names: tuple[str, ...]
+    others: tuple[str, ...]
+
+    @property
+    def off_s(self) -> tuple[float, ...]:
+        """How far the stamps of each sensor may be off the arm's clock."""
+        return tuple(self.clock.offset.uncertainty_s if name in self.others else 0.0 for name in self.names)
+
+    def in_words(self) -> str:
+        """One sentence without its end."""
+        if not self.others:
+            return f"all stamps are the bridge's; {self.clock.in_words()}"
+        return f"{self.clock.in_words()}; so well the stamps of {', '.join(self.others)} are brought to the bridge's"
+
+
+def _one_clock() -> Stamps | None:
+    """A rig whose devices have one clock."""
+    return None
+
+
+@dataclass(frozen=True)
 class Rig:
     """Devices and their known places: an array on an arm, and what else there is.
 
     The arm takes joints (`motion`), with the grip as its tool, or poses (`poses`), with the grip at `tool_from_grip`
     (4, 4) on its tool. `lookout` finds the part (None: the area to scan is given). `begin` tells a twin which stop
-    comes next. `guide` tells the supervision of the arm whether a person moves it. `truth` is None in a real rig.
+    comes next. `stamps` says how well the clocks belong together (None: there is one). `guide` tells the supervision of the arm whether a person moves it. `truth` is None in a real rig.
     `counters` counts what happened on the bus between host and array (None: there is no bus). `simulated`: time passes
     only when the devices say so.
     """
@@ -113,6 +142,7 @@ class Rig:
     lookout: Lookout | None = None
     begin: Callable[[str, int], None] = _no_streams
     guide: Callable[[bool], None] = _not_supervised
+    stamps: Callable[[], Stamps | None] = _one_clock
     truth: Truth | None = None
     warnings: tuple[str, ...] = ()
     counters: Callable[[], BusCounters] | None = None

@@ -19,9 +19,9 @@ from surfuse.motion.arm_surroundings import ArmSurroundings
 from surfuse.motion.planners import slowed
 from surfuse.records import FloatArray
 from surfuse.rig.described_sensors import places
-from surfuse.rig.devices import JointMotion, Rig
+from surfuse.rig.devices import JointMotion, Rig, Stamps
 from surfuse.rig.real.joint_bridge import JointBridgeArm
-from surfuse.rig.real.sensors import array_of
+from surfuse.rig.real.sensors import BRIDGE, array_of
 from surfuse.settings import Settings
 
 _SHARED = {"speed_share", "settle_s"}
@@ -47,7 +47,18 @@ def real_rig(settings: Settings) -> Rig:
     if bridge is None:
         return rig
     # The conversation is asked for when it is needed: the bridge opens later.
-    return replace(rig, begin=lambda stage, index: bridge.client.begin(stage, index), guide=bridge.guide)
+    return replace(
+        rig,
+        begin=lambda stage, index: bridge.client.begin(stage, index),
+        guide=bridge.guide,
+        stamps=lambda: _stamps(settings, bridge),
+    )
+
+
+def _stamps(settings: Settings, bridge: SharedBridge) -> Stamps:
+    """How well the sensors' stamps belong to the bridge's clock now."""
+    names = tuple(sensor.name for sensor in settings.sensor)
+    return Stamps(bridge.clock, names, tuple(sensor.name for sensor in settings.sensor if sensor.driver != BRIDGE))
 
 
 def _joint_motion(joints: Arm) -> JointMotion:
