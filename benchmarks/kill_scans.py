@@ -3,8 +3,8 @@
 Run: python benchmarks/kill_scans.py [--kills N] [--seed S]. Three rigs by turns: the twin on the wire with `mean` and
 with the default method, and a pretended gantry. Every second kill meets the bridge, which is started again at once or
 only when the scan has given up. Moments are spread evenly: a third of them over a whole run, the others over what comes
-after its folder is there (connecting, planning, scanning, fusing, report); a third of the resumed runs are killed again. Compared are all arrays of surface.nc, bit by bit.
-Fifty kills take five minutes on two cores.
+after its folder is there (connecting, planning, scanning, fusing, report). A third of the resumed runs are killed
+again. Compared are all arrays of surface.nc, bit by bit. Fifty kills take six minutes on two cores.
 """
 
 from __future__ import annotations
@@ -82,7 +82,8 @@ class Bridge:
 
     def await_listening(self) -> None:
         """Read the address that it prints."""
-        assert self._program is not None and self._program.stdout is not None
+        assert self._program is not None
+        assert self._program.stdout is not None
         words = self._program.stdout.readline().replace(";", " ").split()
         self.address = next(word for word in words if word.startswith("tcp://"))
         self._port = self.address.rpartition(":")[2]

@@ -110,6 +110,22 @@ def test_a_killed_bridge_costs_nothing(wire, in_process, tmp_path, sweeps):
     assert_same(tmp_path / "run", in_process)
 
 
+class RestartsAfter(KillsAfter):
+    """Kills the bridge after so many sweeps, and starts it again before anybody has noticed."""
+
+    def advance(self, steps: int = 1) -> None:
+        super().advance(steps)
+        if self.left == 0:
+            self.wire.start()
+
+
+def test_a_bridge_started_again_between_two_stops_costs_nothing(wire, in_process, tmp_path):
+    with pytest.raises(SafetyStopError, match=r"has moved by .* without a move"):
+        acquire(over(wire, tmp_path), tmp_path / "run", RestartsAfter(wire, 7), yes=True)
+    assert resume(tmp_path / "run", SilentWatcher(), yes=True).complete
+    assert_same(tmp_path / "run", in_process)
+
+
 def test_a_killed_scan_costs_nothing(wire, in_process, tmp_path):
     over(wire, tmp_path)
     command = [sys.executable, "-m", "surfuse", "acquire", "--cell", str(tmp_path / "wire.toml"), "--yes", "--quiet"]

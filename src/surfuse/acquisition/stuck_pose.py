@@ -75,8 +75,8 @@ class StuckPose:
             return
         sensor = max(moving, key=lambda k: moving[k])
         raise SafetyStopError(
-            f"the arm tells one pose for {unchanged_s:.1f} s while the range of '{self._specs[sensor].name}' changes by "
-            f"{1e3 * moving[sensor]:.0f} mm (standard deviation), at most {1e3 * self._limit_m(sensor):.0f} mm for "
+            f"the arm tells one pose for {unchanged_s:.1f} s while the range of '{self._specs[sensor].name}' changes "
+            f"by {1e3 * moving[sensor]:.0f} mm (standard deviation), at most {1e3 * self._limit_m(sensor):.0f} mm for "
             f"{UNCHANGED_LIMIT_S:g} s",
             cure="let it tell where the arm is now, or take what moves out of the beams; readings since the pose "
             "changed last are in a wrong place",

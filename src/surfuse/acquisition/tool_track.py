@@ -44,8 +44,8 @@ class ToolTrack:
     `dt` with the acceleration `a`: the change of the point's mean speed from the interval before, or `HIDDEN_M_S2`.
 
     An arm may tell an old pose again under a new stamp, when it is asked more often than it looks. A pose that is
-    repeated to the last bit for less than `STANDS_S` therefore says nothing: the arm was on its way to the next one. When
-    that one was reached is known to the time since the last repetition, which the speed turns into metres.
+    repeated to the last bit for less than `STANDS_S` therefore says nothing: the arm was on its way to the next one.
+    When that one was reached is known to the time since the last repetition, which the speed turns into metres.
     """
 
     def __init__(self, kept_s: float = KEPT_S) -> None:

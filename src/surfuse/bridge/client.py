@@ -64,7 +64,7 @@ class BridgeClient:
         self._clock = ClockWatch(transport.name)
         self._line = Conversation(transport, patience, self._on_connection)
         self._hello: Hello | None = None
-        self._move_lost = False
+        self._unsure = False
         self._guided = False
         self._begun: tuple[str, int] | None = None
 
@@ -129,9 +129,10 @@ class BridgeClient:
         DeviceError : it did not get there in time.
         """
         self._check_target(to)
-        if self._move_lost:
-            self.state()  # nobody knows how the last one ended
-            self._move_lost = False
+        self._line.ensure_connected()
+        if self._unsure:
+            self.state()  # nobody knows how the last move ended, or where a bridge that was started again has its arm
+            self._unsure = False
         stood = self._watch.rest
         self._watch.moving()
         try:
@@ -190,7 +191,7 @@ class BridgeClient:
         self._demand(Ability.STOP)
         self._watch.moving()
         state = self._asked_state(Question.STOP)
-        self._move_lost = False
+        self._unsure = False
         return state
 
     def measure_clock(self, questions_asked: int = 8) -> ClockFindings:
@@ -207,6 +208,7 @@ class BridgeClient:
         """Nothing that the last connection was told holds any more."""
         self._watch.new_connection()
         self._clock.new_connection()
+        self._unsure = True
         if self._begun is not None:
             self._begin_again()
 
@@ -245,10 +247,10 @@ class BridgeClient:
 
         Only where the line broke, and the arm has said that it is on the way, the move is sent again, once.
         """
-        self._move_lost = True
+        self._unsure = True
         too_long = isinstance(lost, SilenceError)
         state = self._asked_state(Question.STOP if too_long and self.can(Ability.STOP) else Question.STATE)
-        self._move_lost = False
+        self._unsure = False
         if self._watch.arrived(to, state):
             return state
         if too_long:

@@ -47,7 +47,7 @@ class ClockFindings:
             return f"{text} and do not keep pace: its time is that of a simulation, or its states are told late"
         if self.drift_uncertainty > DRIFT_LIMIT:
             return text
-        return f"{text}; drift {1e6 * self.drift:+.0f} ppm, at most {1e6 * self.drift_uncertainty:.0f} off"
+        return f"{text}; drift {1e6 * self.drift:+.2g} ppm, at most {1e6 * self.drift_uncertainty:.2g} off"
 
 
 @dataclass(frozen=True)

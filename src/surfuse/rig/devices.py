@@ -51,7 +51,7 @@ class JointMotion:
 
     `clearance` makes the collision check for a list of obstacles, `link_poses` gives the poses of its links (None: the
     shape is not known). `surround` tells the check of all motions what stands around the arm, once that is known.
-    `smooth` is what a pass without stops needs (None: the arm must stand to be used). `look_again` as in `JointStopArm`.
+    `smooth` is what a pass without stops needs (None: the arm must stand to be used). `look_again`: see `JointStopArm`.
     """
 
     arm: Arm
@@ -129,9 +129,9 @@ class Rig:
 
     The arm takes joints (`motion`), with the grip as its tool, or poses (`poses`), with the grip at `tool_from_grip`
     (4, 4) on its tool. `lookout` finds the part (None: the area to scan is given). `begin` tells a twin which stop
-    comes next. `stamps` says how well the clocks belong together (None: there is one). `guide` tells the supervision of the arm whether a person moves it. `truth` is None in a real rig.
-    `counters` counts what happened on the bus between host and array (None: there is no bus). `simulated`: time passes
-    only when the devices say so.
+    comes next. `stamps` says how well the clocks belong together (None: there is one). `guide` tells the
+    supervision of the arm whether a person moves it. `truth` is None in a real rig. `counters` counts what happened on
+    the bus between host and array (None: there is no bus). `simulated`: time passes only when the devices say so.
     """
 
     clock: Clock
