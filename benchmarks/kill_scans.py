@@ -228,6 +228,9 @@ class Campaign:
         end_s = time.perf_counter() + after_s
         while time.perf_counter() < end_s and process.poll() is None:
             time.sleep(0.002)
+        if process.poll() is not None:
+            self._ended(process)
+            return
         self.kills += 1
         self.sides[side] += 1
         if side == "scan":
@@ -247,6 +250,12 @@ class Campaign:
         if process.returncode not in (0, 4, 5):
             text = f"run {self.runs} ({rig.name}): without its bridge status {process.returncode}: {complaints}"
             self.wrong.append(text)
+
+    def _ended(self, process: subprocess.Popen[str]) -> None:
+        """It was quicker than the kill, which does not count."""
+        complaints = process.communicate()[1]
+        if process.returncode:
+            self.wrong.append(f"run {self.runs}: without a kill status {process.returncode}: {complaints}")
 
 
 def main() -> None:

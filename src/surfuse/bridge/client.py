@@ -11,12 +11,12 @@ from typing import Self
 import numpy as np
 
 from surfuse.bridge import answers, questions
+from surfuse.bridge.askable import check_sensors, check_target, demand
 from surfuse.bridge.clock import ClockFindings, ClockWatch
 from surfuse.bridge.consistency import Consistency, Tolerances
 from surfuse.bridge.conversation import Conversation, Tally
 from surfuse.bridge.messages import (
     Ability,
-    ArmKind,
     Hello,
     Image,
     MoveTo,
@@ -27,7 +27,7 @@ from surfuse.bridge.messages import (
 from surfuse.bridge.patience import Patience
 from surfuse.bridge.refusals import GarbledError
 from surfuse.bridge.transport import ClosedError, SilenceError, Transport
-from surfuse.errors import ConfigError, DeviceError, SurfuseError, nearest
+from surfuse.errors import DeviceError, SurfuseError
 from surfuse.records import BoolArray, FloatArray
 
 PATIENCE = Patience()
@@ -114,7 +114,7 @@ class BridgeClient:
 
     def reach(self, world_from_tool: FloatArray) -> BoolArray:
         """Which of the poses (N, 4, 4) the arm can take: (N,)."""
-        self._demand(Ability.REACH)
+        demand(self.hello, Ability.REACH, self._line.where)
         parts = [world_from_tool[i : i + _POSES_A_QUESTION] for i in range(0, len(world_from_tool), _POSES_A_QUESTION)]
         reachable = [self._reach_of(part) for part in parts]
         return np.concatenate([np.zeros(0, dtype=np.bool_), *reachable])
@@ -128,7 +128,7 @@ class BridgeClient:
         SafetyStopError : it is not where it was sent, or was stopped.
         DeviceError : it did not get there in time.
         """
-        self._check_target(to)
+        check_target(self.hello, to, self._line.where)
         self._line.ensure_connected()
         if self._unsure:
             self.state()  # nobody knows how the last move ended, or where a bridge that was started again has its arm
@@ -149,7 +149,7 @@ class BridgeClient:
         Where the arm was meanwhile is not asked: see `observe`.
         """
         asked = self.hello.sensors if sensors is None else sensors
-        self._check_sensors(asked)
+        check_sensors(self.hello, asked, self._line.where)
         fields = questions.encode_sweep(sensors)
         answer = self._line.ask(Question.SWEEP, fields, lambda got: answers.decode_sweep(got, asked))
         self._clock.asked(Question.SWEEP)
@@ -177,7 +177,7 @@ class BridgeClient:
 
     def image(self) -> Image:
         """One picture."""
-        self._demand(Ability.IMAGE)
+        demand(self.hello, Ability.IMAGE, self._line.where)
         camera = self.hello.camera
         if camera is None:
             raise DeviceError("the bridge can 'image' but has no 'camera'", where=self._line.where)
@@ -188,7 +188,7 @@ class BridgeClient:
 
     def stop(self) -> State:
         """Stop the arm at once, also in the middle of a move; where it is then."""
-        self._demand(Ability.STOP)
+        demand(self.hello, Ability.STOP, self._line.where)
         self._watch.moving()
         state = self._asked_state(Question.STOP)
         self._unsure = False
@@ -262,33 +262,3 @@ class BridgeClient:
         if stood is not None:
             self._watch.check_on_way(stood, to, state)
         return self._sent(to)
-
-    def _check_sensors(self, asked: tuple[str, ...]) -> None:
-        known = self.hello.sensors
-        for name in asked:
-            if name not in known:
-                where, cure = self._line.where, nearest(name, known)
-                raise ConfigError(f"the bridge has no sensor '{name}'", where=where, cure=cure)
-        if len(set(asked)) != len(asked):
-            raise ConfigError("a sensor is asked twice in one sweep", where=self._line.where, cure="name each once")
-
-    def _check_target(self, to: MoveTo) -> None:
-        arm = self.hello.arm
-        if arm is None:
-            raise ConfigError(
-                "this bridge moves nothing ('arm' is null)", where=self._line.where, cure="record instead"
-            )
-        if to.joints_rad is None:
-            return
-        if arm.kind is ArmKind.CARTESIAN or len(to.joints_rad) != arm.joints:
-            has = "no joints to command" if arm.kind is ArmKind.CARTESIAN else f"{arm.joints} joints"
-            raise ConfigError(f"a target of {len(to.joints_rad)} joints, the arm has {has}", where=self._line.where)
-
-    def _demand(self, ability: Ability) -> None:
-        if not self.can(ability):
-            can = ", ".join(sorted(self.hello.can)) or "nothing of that kind"
-            raise DeviceError(
-                f"the bridge cannot '{ability.value}'; it can: {can}",
-                where=self._line.where,
-                cure=f"add '{ability.value}' to its 'can' and answer it",
-            )

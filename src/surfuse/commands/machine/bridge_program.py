@@ -10,6 +10,7 @@ from surfuse.commands.outcome import Outcome
 from surfuse.errors import ConfigError
 from surfuse.rig.simulated.on_the_wire import TwinOnTheWire
 from surfuse.settings import Settings
+from surfuse.settings.sections import NO_BUS
 
 
 def serve_twin(settings: Settings, port: int | None, stop: threading.Event, say: Callable[[str], None]) -> Outcome:
@@ -24,6 +25,8 @@ def serve_twin(settings: Settings, port: int | None, stop: threading.Event, say:
         raise ConfigError(
             f"arm.driver = '{settings.arm.driver}' is a real rig", cure="give a cell file of the simulated cell"
         )
+    if settings.bus.interface in (NO_BUS, "virtual"):
+        _rehearse(settings)
     with TwinOnTheWire(settings) as twin:
         if port is None:
             serve_stdio(twin)
@@ -36,3 +39,12 @@ def serve_twin(settings: Settings, port: int | None, stop: threading.Event, say:
             server.close()
             thread.join()
             return Outcome({"address": server.address}, [("served", server.address)])
+
+
+def _rehearse(settings: Settings) -> None:
+    """Use another twin once: what is compiled in its first sweep takes longer than a client waits for an answer."""
+    with TwinOnTheWire(settings) as twin:
+        hello, state = twin.hello(), twin.state()
+        assert state.world_from_tool is not None
+        twin.reach(state.world_from_tool[None])
+        twin.sweep(hello.sensors)
