@@ -32,13 +32,14 @@ def serve_twin(settings: Settings, port: int | None, stop: threading.Event, say:
             serve_stdio(twin)
             return Outcome({}, [])
         with BridgeServer(twin, f"tcp://127.0.0.1:{port}") as server:
-            say(f"the twin is at {server.address}; Ctrl-C ends it")
+            address = server.address
+            say(f"the twin is at {address}; Ctrl-C ends it")
             thread = threading.Thread(target=server.serve_forever, daemon=True)
             thread.start()
             stop.wait()
             server.close()
             thread.join()
-            return Outcome({"address": server.address}, [("served", server.address)])
+            return Outcome({"address": address}, [("served", address)])
 
 
 def _rehearse(settings: Settings) -> None:
