@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from surfuse.acquisition.stop_arm import JointStopArm, PoseStopArm, StopArm
+from surfuse.bridge.clock import ClockFindings
 from surfuse.errors import ConfigError
 from surfuse.interfaces import Arm, Camera, Clock, Device, PoseArm, RangeArray, RangeSensor
 from surfuse.motion.clearance import ClearanceModel
@@ -20,9 +21,6 @@ from surfuse.node.counters import BusCounters
 from surfuse.records import CameraFrame, FloatArray, IntArray, JointState, SensorSpec
 from surfuse.rig.mounts import world_from_shoulder
 
-CLOCK = "clock"
-"""Source of the event of a log that says on which clock its stamps are."""
-
 
 @dataclass(frozen=True)
 class Truth:
@@ -30,6 +28,10 @@ class Truth:
 
     vertices_m: FloatArray
     triangles: IntArray
+
+
+def _supervised() -> None:
+    """The driver of the arm notices by itself when it moves."""
 
 
 def _nothing(obstacles: tuple[Obstacle, ...]) -> None:
@@ -50,7 +52,7 @@ class JointMotion:
 
     `clearance` makes the collision check for a list of obstacles, `link_poses` gives the poses of its links (None: the
     shape is not known). `surround` tells the check of all motions what stands around the arm, once that is known.
-    `smooth` is what a pass without stops needs (None: the arm must stand to be used).
+    `smooth` is what a pass without stops needs (None: the arm must stand to be used). `look_again`: see `JointStopArm`.
     """
 
     arm: Arm
@@ -58,6 +60,7 @@ class JointMotion:
     link_poses: Callable[[FloatArray], FloatArray] | None = None
     surround: Callable[[tuple[Obstacle, ...]], None] = _nothing
     smooth: SmoothMotion | None = None
+    look_again: Callable[[], object] = _supervised
 
 
 class JointMover(Protocol):
@@ -132,11 +135,6 @@ def _no_streams(stage: str, index: int) -> None:
     """A real rig, which has no random streams to choose."""
 
 
-def _one_clock() -> str:
-    """A rig with one clock only."""
-    return ""
-
-
 def _not_supervised(by_hand: bool) -> None:
     """A rig whose arm may be moved by anyone at any time."""
 
@@ -150,15 +148,42 @@ def _looking(lookout: Lookout | Viewpoints | None) -> tuple[Device, ...]:
 
 
 @dataclass(frozen=True)
+class Stamps:
+    """How well the stamps of a rig belong together, whose arm has the clock of a bridge.
+
+    `others` are the sensors that the bridge does not stamp: their stamps are brought from this machine's clock to its.
+    """
+
+    clock: ClockFindings
+    names: tuple[str, ...]
+    others: tuple[str, ...]
+
+    @property
+    def off_s(self) -> tuple[float, ...]:
+        """How far the stamps of each sensor may be off the arm's clock."""
+        return tuple(self.clock.offset.uncertainty_s if name in self.others else 0.0 for name in self.names)
+
+    def in_words(self) -> str:
+        """One sentence without its end."""
+        if not self.others:
+            return f"all stamps are the bridge's; {self.clock.in_words()}"
+        return f"{self.clock.in_words()}; so well the stamps of {', '.join(self.others)} are brought to the bridge's"
+
+
+def _one_clock() -> Stamps | None:
+    """A rig whose devices have one clock."""
+    return None
+
+
+@dataclass(frozen=True)
 class Rig:
     """Devices and their known places: an array on an arm, and what else there is.
 
     The arm takes joints (`motion`), with the grip as its tool, or poses (`poses`), with the grip at `tool_from_grip`
     (4, 4) on its tool. `lookout` finds the part (None: the area to scan is given). `begin` tells a twin which stop
-    comes next. `guide` tells the supervision of the arm whether a person moves it. `truth` is None in a real rig.
-    `counters` counts what happened on the bus between host and array (None: there is no bus). `simulated`: time passes
-    only when the devices say so. `stamps` says on which clock the readings are stamped, and how well all others were
-    brought to it, once the devices are open (empty: nothing had to be).
+    comes next. `stamps` says how well the clocks belong together (None: there is one). `guide` tells the
+    supervision of the arm whether a person moves it. `truth` is None in a real rig. `counters` counts what happened on
+    the bus between host and array (None: there is no bus). `simulated`: time passes only when the devices say so.
     """
 
     clock: Clock
@@ -169,11 +194,11 @@ class Rig:
     lookout: Lookout | Viewpoints | None = None
     begin: Callable[[str, int], None] = _no_streams
     guide: Callable[[bool], None] = _not_supervised
+    stamps: Callable[[], Stamps | None] = _one_clock
     truth: Truth | None = None
     warnings: tuple[str, ...] = ()
     counters: Callable[[], BusCounters] | None = None
     simulated: bool = False
-    stamps: Callable[[], str] = _one_clock
 
     def __post_init__(self) -> None:
         if (self.motion is None) == (self.poses is None):
@@ -188,7 +213,7 @@ class Rig:
     def stop_arm(self) -> StopArm:
         """The arm as the walk through a plan uses it."""
         if self.motion is not None:
-            return JointStopArm(self.motion.arm)
+            return JointStopArm(self.motion.arm, self.motion.look_again)
         assert self.poses is not None
         return PoseStopArm(self.poses, self.tool_from_grip)
 

@@ -10,6 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from subprocess import Popen
 
+from surfuse.commands.acquire.clock_told import log_clock
 from surfuse.commands.acquire.consent import agreed, agreed_to_look, refuse_unasked
 from surfuse.commands.acquire.corners import job_with_corners
 from surfuse.commands.acquire.job import Job
@@ -27,13 +28,16 @@ from surfuse.errors import DataError, DeviceError, InterruptError, SafetyStopErr
 from surfuse.records import FusionScene, ScanPlan, Sweep
 from surfuse.rig.area import area_of, nothing_to_scan, outline_of
 from surfuse.rig.assembled import assembled
-from surfuse.rig.devices import CLOCK, Rig
+from surfuse.rig.devices import Rig
 from surfuse.rig.real.recordings import with_whole_log
 from surfuse.runs.configuration import read_configuration, write_configuration
 from surfuse.runs.folder import RunFolder
+from surfuse.runs.log_files import segment_paths
+from surfuse.runs.log_reader import read_log
 from surfuse.runs.log_records import Level, LogEvent
 from surfuse.runs.log_writer import LogWriter
 from surfuse.runs.progress import ScanProgress, read_progress
+from surfuse.runs.recorded_log import is_recorded
 from surfuse.runs.scan_log import few_echoes
 from surfuse.settings import Settings, from_tree
 
@@ -82,6 +86,7 @@ def resume(path: Path, watcher: Watcher, observer: ScanObserver = UNOBSERVED, ye
     run = RunFolder.open(path, need_log=False)
     tables, seed = read_configuration(run.configuration)
     if "source" in tables:
+        _refuse_recording(run)
         raise DataError(
             "this run was fused from a log, there is nothing to resume",
             where=str(path),
@@ -97,6 +102,22 @@ def resume(path: Path, watcher: Watcher, observer: ScanObserver = UNOBSERVED, ye
         rig = assembled(settings)
         with run.lock(), _resumable(run):
             return outcome_of(_acquire(run, Job(settings, rig, method, watcher, observer, yes), warm_up), run, began)
+
+
+def _refuse_recording(run: RunFolder) -> None:
+    """A recording cannot go on where it ended: nobody knows where the other one has moved the arm since.
+
+    Raises
+    ------
+    DataError : the run is one.
+    """
+    if not segment_paths(run.log) or not is_recorded(read_log(run.path)):
+        return
+    raise DataError(
+        "this run is a recording of an arm that somebody else moved, it cannot be resumed",
+        where=str(run.path),
+        cure=f"make its map with 'surfuse fuse {run.path}', or start another one with 'surfuse record'",
+    )
 
 
 def _complete(run: RunFolder) -> Outcome:
@@ -165,13 +186,13 @@ def _acquire(run: RunFolder, job: Job, warm_up: Popen[bytes] | None) -> Finished
     # Read before the writer opens: opening gives a killed segment its missing end.
     progress = read_progress(run.path)
     with rig.opened(), LogWriter(run.log) as log:
-        if stamps := rig.stamps():
-            log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, CLOCK, stamps))
         job = job_with_corners(run, job)
         scene, plan, done = _begin(progress, job, log)
         with _noted(log, rig):
             agreed(job, plan, min(set(range(len(plan))) - {sweep.stop for sweep in done}, default=len(plan)))
+            log_clock(rig, log)
             walked = walk(job, plan, scene, done, log)
+            log_clock(rig, log)
         if (trouble := bus_event(rig)) is not None:
             log.append_event(trouble)
         complete = walked.complete(plan)

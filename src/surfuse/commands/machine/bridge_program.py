@@ -17,6 +17,7 @@ from surfuse.rig.simulated.on_the_wire import TwinOnTheWire
 from surfuse.rig.simulated.wires.wired_twin import WiredTwin, Wires
 from surfuse.runs.log_files import read_whole
 from surfuse.settings import Settings
+from surfuse.settings.sections import NO_BUS
 
 
 def serve_twin(settings: Settings, port: int | None, stop: threading.Event, say: Callable[[str], None]) -> Outcome:
@@ -31,18 +32,21 @@ def serve_twin(settings: Settings, port: int | None, stop: threading.Event, say:
         raise ConfigError(
             f"arm.driver = '{settings.arm.driver}' is a real rig", cure="give a cell file of the simulated cell"
         )
+    if settings.bus.interface in (NO_BUS, "virtual"):
+        _rehearse(settings)
     with TwinOnTheWire(settings) as twin:
         if port is None:
             serve_stdio(twin)
             return Outcome({}, [])
         with BridgeServer(twin, f"tcp://127.0.0.1:{port}") as server:
-            say(f"the twin is at {server.address}; Ctrl-C ends it")
+            address = server.address
+            say(f"the twin is at {address}; Ctrl-C ends it")
             thread = threading.Thread(target=server.serve_forever, daemon=True)
             thread.start()
             stop.wait()
             server.close()
             thread.join()
-            return Outcome({"address": server.address}, [("served", server.address)])
+            return Outcome({"address": address}, [("served", address)])
 
 
 _OURS = "# Written by `surfuse bridge --wires`: the devices of its twin, while it runs.\n"
@@ -109,3 +113,12 @@ def with_wires(text: str, wires: Wires) -> str:
 def _set(table: MutableMapping[str, object], keys: Mapping[str, str]) -> None:
     for key, value in keys.items():
         table[key] = value
+
+
+def _rehearse(settings: Settings) -> None:
+    """Use another twin once: what is compiled in its first sweep takes longer than a client waits for an answer."""
+    with TwinOnTheWire(settings) as twin:
+        hello, state = twin.hello(), twin.state()
+        assert state.world_from_tool is not None
+        twin.reach(state.world_from_tool[None])
+        twin.sweep(hello.sensors)

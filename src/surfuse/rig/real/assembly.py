@@ -20,11 +20,12 @@ from surfuse.motion.arm_surroundings import ArmSurroundings
 from surfuse.motion.planners import slowed
 from surfuse.records import FloatArray
 from surfuse.rig.described_sensors import places
-from surfuse.rig.devices import JointMotion, Rig
+from surfuse.rig.devices import JointMotion, Rig, Stamps
 from surfuse.rig.real.camera import real_lookout
 from surfuse.rig.real.joint_bridge import JointBridgeArm
-from surfuse.rig.real.recordings import RecordedClock, Recordings
+from surfuse.rig.real.recordings import Recordings
 from surfuse.rig.real.sensors import array_of
+from surfuse.rig.real.sources import BRIDGE
 from surfuse.settings import Settings
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def real_rig(settings: Settings) -> Rig:
             bridge.client.begin(stage, index)
 
     rig = (
-        Rig(clock=clock, array=array, motion=JointMotion(joints), begin=begin)
+        Rig(clock=clock, array=array, motion=_joint_motion(joints), begin=begin)
         if joints is not None
         else Rig(
             clock=clock,
@@ -64,22 +65,10 @@ def real_rig(settings: Settings) -> Rig:
         )
     )
     rig = replace(rig, lookout=real_lookout(settings, rig, bridge, clock, recordings))
-    return replace(
-        rig,
-        guide=rig.guide if bridge is None else bridge.guide,
-        counters=(lambda: array.counters) if array.has_bus else None,
-        stamps=lambda: _stamps(bridge, clock),
-    )
-
-
-def _stamps(bridge: SharedBridge | None, clock: Clock) -> str:
-    """On which clock the stamps are, and how well others were brought to it."""
-    if isinstance(clock, RecordedClock):
-        return "stamps are those of the record"
+    rig = replace(rig, counters=(lambda: array.counters) if array.has_bus else None)
     if bridge is None:
-        return "stamps are on this machine's clock"
-    within_ms = 1e3 * bridge.offset.uncertainty_s
-    return f"stamps are on the bridge's clock; this machine's was brought to it to {within_ms:.2f} ms at the start"
+        return rig
+    return replace(rig, guide=bridge.guide, stamps=lambda: _stamps(settings, bridge))
 
 
 def _clock(settings: Settings, bridge: SharedBridge | None, recordings: Recordings) -> Clock:
@@ -87,6 +76,19 @@ def _clock(settings: Settings, bridge: SharedBridge | None, recordings: Recordin
     if settings.arm.driver == Recordings.DRIVER:
         return recordings.clock
     return MACHINE_CLOCK if bridge is None else BridgeClock(bridge)
+
+
+def _stamps(settings: Settings, bridge: SharedBridge) -> Stamps:
+    """How well the sensors' stamps belong to the bridge's clock now."""
+    names = tuple(sensor.name for sensor in settings.sensor)
+    return Stamps(bridge.clock, names, tuple(sensor.name for sensor in settings.sensor if sensor.driver != BRIDGE))
+
+
+def _joint_motion(joints: Arm) -> JointMotion:
+    # Whether an arm behind a bridge has moved while the array fired is only known by asking.
+    if isinstance(joints, JointBridgeArm):
+        return JointMotion(joints, look_again=joints.joint_state)
+    return JointMotion(joints)
 
 
 def _bridge(settings: Settings) -> SharedBridge | None:
