@@ -19,6 +19,7 @@ import surfuse
 from surfuse import registry
 from surfuse.commands.explain.evidence_records import ReadingEvidence, StopEvidence
 from surfuse.settings import Settings
+from surfuse.settings.looking_tables import PlaneSettings
 from surfuse.settings.rig_tables import AreaSettings, SensorSettings
 
 REFERENCE = Path(__file__).parent / "reference"
@@ -49,11 +50,15 @@ numbers without one. Later sources win: defaults, cell file, `--set`, options of
 DRIVERS_TEXT = """\
 ## Keys of the drivers
 
-They stand in the table that names the driver: `[arm]` or `[[sensor]]`.
+They stand in the table that names the driver: `[arm]`, `[[sensor]]`, `[camera]` or `[ranger]`.
 """
 NEEDED = "needed"
-RIG_TABLES = {"[[sensor]]": SensorSettings, "[area]": AreaSettings}
-DRIVERS = {"arms": ("bridge", "ur_rtde"), "sensors": ("a02yyuw", "hcsr04", "iio", "maxbotix", "tfmini")}
+RIG_TABLES = {"[[sensor]]": SensorSettings, "[area]": AreaSettings, "[search.plane]": PlaneSettings}
+DRIVERS = {
+    "arms": ("bridge", "gcode", "recorded", "ur_rtde"),
+    "sensors": ("a02yyuw", "gcode_probe", "hcsr04", "iio", "maxbotix", "ranging_kit", "recorded", "tfmini"),
+    "cameras": ("recorded", "uvc"),
+}
 
 PARAMETERS_TEXT = """\
 ## Parameters of the fusion methods

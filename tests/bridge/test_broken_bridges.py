@@ -181,6 +181,58 @@ def test_a_move_is_repeated_only_after_the_arm_has_said_where_it_is():
     assert words == ["hello", "move", "hello", "state", "move", "bye"]
 
 
+def elsewhere(question):
+    return {**good(question), "world_from_tool": above(-0.9).ravel().tolist()}
+
+
+def test_an_arm_that_a_lost_line_leaves_off_its_way_is_not_sent_on():
+    def answer(question):
+        if question["do"] == "move":
+            lost.append(True)
+            return CLOSE
+        return elsewhere(question) if lost else good(question)
+
+    lost = []
+    with ScriptedBridge(answer) as bridge, opened(bridge) as client:
+        client.state()
+        with pytest.raises(SafetyStopError, match=r"is 900 mm from its way, at most 100 mm"):
+            client.move(MoveTo(world_from_tool=above(0.1)))
+    assert [question["do"] for question in bridge.questions].count("move") == 1
+
+
+def test_after_a_new_connection_nothing_moves_before_the_arm_has_said_where_it_is():
+    def answer(question):
+        if question["do"] == "reach" and not restarted:
+            restarted.append(True)
+            return CLOSE
+        return elsewhere(question) if restarted and question["do"] == "state" else good(question)
+
+    restarted = []
+    with ScriptedBridge(answer) as bridge, opened(bridge) as client:
+        client.state()
+        client.reach(above(0.1)[None])
+        with pytest.raises(SafetyStopError, match=r"900\.000 mm without a move"):
+            client.move(MoveTo(world_from_tool=above(0.1)))
+    assert "move" not in [question["do"] for question in bridge.questions]
+
+
+def test_a_twin_that_was_started_again_begins_its_stop_again():
+    twin = {**HELLO, "can": ["streams"]}
+    with ScriptedBridge(first_then_good({"id": 2, "ok": True}, CLOSE), twin) as bridge, opened(bridge) as client:
+        client.begin("stop", 7)
+        client.sweep()
+    begun = [(question["do"], question.get("index")) for question in bridge.questions]
+    assert begun == [
+        ("hello", None),
+        ("begin", 7),
+        ("sweep", None),
+        ("hello", None),
+        ("begin", 7),
+        ("sweep", None),
+        ("bye", None),
+    ]
+
+
 def test_a_silent_move_is_stopped_and_reported():
     def answer(question):
         return None if question["do"] == "move" else good(question)

@@ -94,7 +94,7 @@ def test_an_observation_holds_the_poses_around_the_sweep(client):
 
 
 def test_the_clock_offset_is_as_good_as_it_says(client):
-    offset = client.measure_clock()
+    offset = client.measure_clock().offset
     assert abs(offset.host_minus_bridge_s) <= offset.uncertainty_s  # both count time.monotonic here
 
 
@@ -143,17 +143,17 @@ def test_an_arm_that_somebody_else_moves_may_move():
             assert seen.before.world_from_tool[0, 3] == seen.after.world_from_tool[0, 3] == x_m
 
 
-@pytest.mark.parametrize("off_m", [0.0019, 0.0021, 0.02])
+@pytest.mark.parametrize("off_m", [0.0049, 0.0051, 0.02])
 def test_an_arm_that_is_not_where_it_was_sent_stops_the_run(off_m):
     rig = TiltedPlane()
     rig.ends_off_m = off_m
     with Served(rig) as served, contextlib.ExitStack() as expected:
-        if off_m > 0.002:
-            words = rf"{1e3 * off_m:.3f} mm from where it was sent, at most 2 mm"
+        if off_m > 0.005:
+            words = rf"{1e3 * off_m:.3f} mm from where it was sent, at most 5 mm"
             expected.enter_context(pytest.raises(SafetyStopError, match=words))
         with BridgeClient(TcpTransport(served.address)) as client:
             client.move(MoveTo(world_from_tool=above(0.1)))
-    assert rig.stops == (off_m > 0.002)  # told to stop on the way out
+    assert rig.stops == (off_m > 0.005)  # told to stop on the way out
 
 
 def test_an_arm_that_moves_between_two_sweeps_stops_the_run():
@@ -162,7 +162,7 @@ def test_an_arm_that_moves_between_two_sweeps_stops_the_run():
         client.move(MoveTo(world_from_tool=above(0.1)))
         client.observe()
         rig.pose = above(0.112)
-        with pytest.raises(SafetyStopError, match=r"moved by 12.000 mm without a move, at most 2 mm"):
+        with pytest.raises(SafetyStopError, match=r"moved by 12.000 mm without a move, at most 5 mm"):
             client.observe()
 
 
@@ -170,9 +170,9 @@ def test_a_turned_tool_stops_the_run():
     rig = TiltedPlane()
     with Served(rig) as served, BridgeClient(TcpTransport(served.address)) as client:
         client.state()
-        c, s = np.cos(0.02), np.sin(0.02)
+        c, s = np.cos(0.04), np.sin(0.04)
         rig.pose = above(0.0) @ np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-        with pytest.raises(SafetyStopError, match=r"moved by 1\.146 deg"):
+        with pytest.raises(SafetyStopError, match=r"moved by 2\.292 deg"):
             client.state()
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from surfuse.arms.bridge import Parameters
 from surfuse.bridge import answers, questions
 from surfuse.bridge.consistency import Tolerances
 from surfuse.bridge.fields import Fields
@@ -87,8 +88,11 @@ def test_the_reference_names_every_limit_as_it_is():
                 assert f"`{field.name}`" in REFERENCE
     assert "4.5 s (`give_up_s`)" in REFERENCE
     assert Patience().give_up_s == 4.5
-    assert (Patience().answer_timeout_s, Patience().sweep_timeout_s, Patience().move_timeout_s) == (2.0, 4.0, 60.0)
-    assert (Tolerances().position_tolerance_m, Tolerances().angle_tolerance_rad) == (0.002, 0.01)
+    assert (Patience().answer_timeout_s, Patience().sweep_timeout_s, Patience().move_timeout_s) == (2.0, 10.0, 60.0)
+    assert (Tolerances().position_tolerance_m, Tolerances().angle_tolerance_rad) == (0.005, 0.03)
+    cell = Parameters(address="tcp://127.0.0.1:5005")
+    assert cell.tolerances() == Tolerances()
+    assert cell.patience() == Patience()
 
 
 def test_the_how_to_holds_the_whole_minimal_bridge():

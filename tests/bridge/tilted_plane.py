@@ -1,4 +1,4 @@
-"""A pretended rig behind the bridge: an arm over the plane z = 0.1 x, a camera, two sensors, and faults to order.
+"""A pretended rig behind the bridge: an arm over the plane z = height + 0.1 x, camera, sensors, and faults to order.
 
 Run as a program it serves its standard input and output, or a TCP port: `python tilted_plane.py [ADDRESS]`.
 """
@@ -30,6 +30,7 @@ from surfuse.records import Status
 CARTESIAN = ArmOfBridge(ArmKind.CARTESIAN)
 SIX_JOINTS = ArmOfBridge(ArmKind.JOINTS, 6)
 SMALL = CameraOfBridge(4, 3)
+SLOPE = 0.1
 LOOKING_DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
@@ -40,13 +41,22 @@ def above(x_m, y_m=0.0, z_m=0.5):
 
 
 class TiltedPlane:
-    """`Bridgeable`. Attributes may be changed while it is served."""
+    """`Bridgeable`. Attributes may be changed while it is served.
 
-    def __init__(self, arm=CARTESIAN, sensors=("us0", "us1"), camera=SMALL):
-        self.arm, self.sensors, self.camera = arm, sensors, camera
+    Sensors look along the tool's z from `places` in its frame, by default one a centimetre behind the other.
+    """
+
+    name, can, detailed = "tilted plane", frozenset(Ability) - {Ability.STREAMS}, True
+    height_m = 0.0
+
+    def __init__(self, arm=CARTESIAN, sensors=("us0", "us1"), camera=SMALL, places=None):
+        self.arm, self.sensors, self.camera = arm, tuple(sensors), camera
+        behind = [(0.0, 0.0, -0.01 * k) for k in range(len(self.sensors))]
+        self.places = [np.array(place) for place in places or behind]
         self.pose, self.joints = above(0.0), np.zeros(6)
         self.clock_back_s = 0.0
-        self.ends_off_m = 0.0
+        self.ends_off_m, self.ends_off_at = 0.0, None
+        self.drifts_m, self.drifts_at = 0.0, -1
         self.move_takes_s = 0.0
         self.moves, self.sweeps, self.stops = 0, 0, 0
         self.status = Status.OK
@@ -57,7 +67,7 @@ class TiltedPlane:
         return time.monotonic() - self.clock_back_s
 
     def hello(self):
-        return Hello("tilted plane", self.arm, self.sensors, self.camera, frozenset(Ability) - {Ability.STREAMS})
+        return Hello(self.name, self.arm, self.sensors, self.camera, self.can)
 
     def state(self):
         self._fail()
@@ -79,13 +89,18 @@ class TiltedPlane:
             if abs(to.world_from_tool[0, 3]) > 1.0:
                 raise UnreachableError("x is beyond 1 m", cure="stay within")
             self.pose = np.array(to.world_from_tool)
-            self.pose[0, 3] += self.ends_off_m
+            if self.ends_off_at in (None, self.moves):
+                self.pose[0, 3] += self.ends_off_m
         return self.state()
 
     def sweep(self, sensors):
         self._fail()
         self.sweeps += 1
-        return SweepAnswer(tuple(self._reading(name) for name in reversed(sensors)))
+        answer = SweepAnswer(tuple(self._reading(name) for name in reversed(sensors)))
+        if self.sweeps == self.drifts_at:
+            self.pose = self.pose.copy()
+            self.pose[1, 3] += self.drifts_m
+        return answer
 
     def image(self):
         return Image(self.now_s(), np.arange(12, dtype=np.uint8).reshape(3, 4))
@@ -99,8 +114,11 @@ class TiltedPlane:
         if self.status is not Status.OK:
             ranges = {Status.NO_ECHO: np.inf, Status.TOO_CLOSE: -np.inf, Status.FAULT: np.nan}
             return BridgeReading(name, self.now_s(), ranges[self.status], self.status)
-        along = 0.1 * self.pose[0, 2] - self.pose[2, 2]
-        range_m = (self.pose[2, 3] - 0.1 * self.pose[0, 3]) / along + 0.01 * self.sensors.index(name)
+        start, axis = (self.pose @ np.append(self.places[self.sensors.index(name)], 1.0))[:3], self.pose[:3, 2]
+        # start_z + r axis_z = height + slope (start_x + r axis_x)
+        range_m = float((self.height_m + SLOPE * start[0] - start[2]) / (axis[2] - SLOPE * axis[0]))
+        if not self.detailed:
+            return BridgeReading(name, self.now_s(), range_m, Status.OK)
         envelope = Envelope(0.1, 0.001, np.linspace(0.0, 1.0, 50, dtype=np.float32))
         return BridgeReading(name, self.now_s(), range_m, Status.OK, 0.7, 3e-4, ((range_m, 0.7), (0.9, 0.1)), envelope)
 

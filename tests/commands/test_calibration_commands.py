@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 from surfuse.cli import main
+from surfuse.commands.calibrate.hand_eye import POSE_COLUMNS
+from surfuse.geometry.poses import inverse, pose, rotation_about
+from surfuse.rig.description import camera_model
 from surfuse.rig.mounts import Mount, looking_outwards, mount_of
+from surfuse.rig.simulated.board_pictures import seen_board
 from surfuse.settings import load
+from surfuse.vision.calibration_target import Target
 
 TRUTH = """
 [camera]
@@ -37,6 +42,41 @@ def surfuse(monkeypatch, capsys):
         return stop.value.code, printed.out, printed.err
 
     return run
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_a_camera_on_the_tool_and_a_fixed_one_from_a_table_of_poses(surfuse, tmp_path, fixed):
+    """Pictures of the twin's board; the answer is the table of a cell file."""
+    (tmp_path / "camera.toml").write_text("[camera]\ncx_px = 255.0\ncy_px = 284.0\n")
+    camera, target = camera_model(load(tmp_path / "camera.toml")), Target("checkerboard", 9, 7, 0.03)
+    down = np.diag([1.0, -1.0, -1.0])
+    true = pose(rotation_about([0, 0, 1], 0.3) @ (down if fixed else np.eye(3)), [0.05, -0.02, 0.9 if fixed else 0.03])
+    # Its z points away from the camera: into the table, or into the tool that holds it up.
+    board = pose(down, [-0.13, 0.1, 0.05])
+    turns = [(0, 0, 0), (0.3, 0, 0.1), (-0.3, 0.1, 0), (0, 0.3, -0.2), (0.1, -0.3, 0.3), (0.2, 0.2, 0)]
+    lines = ["image," + ",".join(POSE_COLUMNS)]
+    for k, (a, b, c) in enumerate(turns):
+        turn = rotation_about([0, 0, 1], c) @ rotation_about([1, 0, 0], a) @ rotation_about([0, 1, 0], b)
+        tool = pose(turn, [0.0, 0.0, 0.2]) if fixed else pose(down @ turn, [0.0, 0.0, 0.05] - 0.7 * (down @ turn)[:, 2])
+        seen = inverse(true) @ tool @ board if fixed else inverse(tool @ true) @ board
+        cv2.imwrite(str(tmp_path / f"{k}.png"), seen_board(camera, target, seen, np.random.default_rng(k)))
+        lines.append(f"{k}.png," + ",".join(f"{value:.8f}" for value in tool.ravel()))
+    (tmp_path / "views.csv").write_text("\n".join(lines))
+    arguments = ["calibrate", "hand-eye", tmp_path / "views.csv", "--camera", tmp_path / "camera.toml"]
+    arguments += ["--out", tmp_path / "placed.toml", *(["--fixed"] if fixed else [])]
+    status, out, err = surfuse(*arguments, "--json")
+    assert (status, err) == (0, "")
+    key = "world_from_camera" if fixed else "tool_from_camera"
+    np.testing.assert_allclose(np.reshape(json.loads(out)[key], (4, 4)), true, atol=0.003)
+    found = load(tmp_path / "placed.toml").camera
+    assert (found.driver, found.mounted) == ("bridge", "fixed" if fixed else "tool")
+    np.testing.assert_allclose(np.reshape(getattr(found, key), (4, 4)), true, atol=0.003)
+    status, out, _ = surfuse(*arguments, "--force")
+    assert f"{key} = [" in out
+    (tmp_path / "views.csv").write_text("\n".join(line.rpartition(",")[0] for line in lines))
+    status, _, err = surfuse(*arguments, "--force")
+    assert status == 3
+    assert "no column m33" in err
 
 
 def test_from_pictures_to_cell_file(surfuse, tmp_path):

@@ -243,7 +243,7 @@ def test_a_node_file_names_bus_and_sensors_and_options_win(tmp_path):
     path = written(
         tmp_path,
         'pings = 7\n[bus]\ninterface = "socketcan"\nchannel = "can3"\n'
-        '[[sensor]]\nplugin = "tfmini"\nport = "/dev/ttyUSB0"\nmodel = "tfmini-s"\n',
+        '[[sensor]]\ndriver = "tfmini"\nport = "/dev/ttyUSB0"\nmodel = "tfmini-s"\n',
     )
     found = read_node_file(path, {"channel": "can4", "node": None})
     assert (found.bus.interface, found.bus.channel, found.pings) == ("socketcan", "can4", 7)
@@ -258,7 +258,8 @@ def test_a_node_file_names_bus_and_sensors_and_options_win(tmp_path):
         ('[[sensor]]\nplugin = "tfmimi"\n', "did you mean 'tfmini'"),
         ('[[sensor]]\nplugin = "tfmini"\nmodel = "tfmini-s"\n', "lacks port"),
         ('[[sensor]]\nplugin = "tfmini"\nport = "x"\nmodle = "y"\n', "did you mean 'model'"),
-        ("[[sensor]]\nport = 3\n", "without plugin"),
+        ("[[sensor]]\nport = 3\n", "no driver"),
+        ('[[sensor]]\ndriver = "tfmini"\nplugin = "tfmini"\n', "both driver and plugin"),
         ("[sensors]\n", "did you mean 'sensor'"),
         ('[bus]\ninterface = "virtual"\n[[sensor]]\nplugin = "a02yyuw"\nport = "x"\n', "does not leave this process"),
         ('[bus]\nnodes = 3\n[[sensor]]\nplugin = "a02yyuw"\nport = "x"\n', "did you mean 'node'"),

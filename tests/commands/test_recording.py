@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -21,7 +22,8 @@ from surfuse.commands.acquire.recording import record_run
 from surfuse.commands.explain.map_source import source_of
 from surfuse.commands.fuse.fuse_log import fuse
 from surfuse.commands.outcome import SilentWatcher
-from surfuse.errors import ConfigError, DataError, DeviceError
+from surfuse.commands.show.map_so_far import MapSoFar
+from surfuse.errors import ConfigError, DataError, DeviceError, UsageError
 from surfuse.exporters import nc
 from surfuse.geometry.poses import pose, transform_points
 from surfuse.records import ToolState
@@ -123,7 +125,7 @@ def test_a_recorded_run_opens_as_any_other(recorded, tmp_path):
     assert source.readings.n_sweeps == 150
     assert len(np.unique(source.readings.row)) > 1
     assert "<title>Surface of &#x27;run&#x27;" in (run / "report.html").read_text("utf-8")
-    with pytest.raises(DataError, match="nothing to resume"):
+    with pytest.raises(DataError, match=r"is a recording .* cannot be resumed; make its map with"):
         resume(run, SilentWatcher())
 
 
@@ -158,7 +160,7 @@ def test_a_bridge_that_dies_leaves_everything_on_disk(tmp_path):
     log = read_log(tmp_path / "run")
     # One question a sweep and one a state, after the greeting and the clock.
     assert len(log.sweeps) >= 30
-    assert [event.source for event in log.events] == ["record", "device"]
+    assert [event.source for event in log.events] == ["record", "clock", "device"]
     fuse(tmp_path / "run", tmp_path / "map", SilentWatcher())
     assert np.abs(off_plane_m(nc.read(tmp_path / "map" / "surface.nc"))).max() < 1e-3
 
@@ -167,6 +169,65 @@ def test_only_a_real_rig_is_recorded(tmp_path):
     with pytest.raises(ConfigError, match="simulated cell"):
         record_run(settings.load(), tmp_path / "run", SilentWatcher())
     assert not (tmp_path / "run").exists()
+
+
+class Looker:
+    """Keeps what an observer is told."""
+
+    def __init__(self):
+        self.scans, self.swept_after, self.maps = [], [], []
+
+    def planned(self, scan):
+        self.scans.append(scan)
+
+    def swept(self, sweep):
+        self.swept_after.append(sweep)
+
+    def finished(self, surface):
+        self.maps.append(surface)
+
+
+@pytest.mark.parametrize("area", ["", AREA + "[scan]\nstep_m = 0.01\n"])
+def test_who_looks_on_sees_the_map_grow_to_the_one_on_disk(tmp_path, area):
+    looker = Looker()
+    record_run(settings.load(cell(tmp_path, more=area)), tmp_path / "run", Until(100), observer=looker)
+    (scan,), (final,) = looker.scans, looker.maps
+    assert scan.by_hand
+    assert len(scan.done) == (1 if area else 30)
+    assert len(scan.done) + len(looker.swept_after) == 100
+    assert_array_equal(final.height_m, nc.read(tmp_path / "run" / "surface.nc").height_m)
+    so_far, cells = MapSoFar(scan), []
+    for sweep in (*scan.done, *looker.swept_after):
+        so_far.take(sweep)
+        if (surface := so_far.surface(preview=False)) is not None:
+            cells.append(int(surface.mask.sum()))
+    assert cells[-1] > cells[0]
+    assert 0.5 < cells[-1] / int(final.mask.sum()) < 2.0
+    assert np.median(np.abs(off_plane_m(surface))) < 1e-3
+
+
+def test_how_well_the_clocks_agree_is_in_log_summary_table_and_report(recorded):
+    run, outcome = recorded
+    events = [event.text for event in read_log(run).events if event.source == "clock"]
+    assert len(events) == 2
+    assert all("all stamps are the bridge's; this computer's and the bridge's agree to" in text for text in events)
+    assert outcome.summary["clock"]["keeps_pace"] is False  # 50 ms a question, whatever a question takes
+    assert "do not keep pace" in dict(outcome.table)["clock"]
+    assert "agree to" in (run / "report.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize("minutes", [math.inf, math.nan, 0.0, -1.0, 2e5])
+def test_minutes_that_are_no_time_are_refused(tmp_path, minutes):
+    with pytest.raises(UsageError, match=r"--minutes .* must be above 0 and at most 100000"):
+        record_run(settings.load(cell(tmp_path)), tmp_path / "run", SilentWatcher(), minutes)
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_terminal_is_told_rate_cells_and_sigma(tmp_path):
+    tallies = []
+    record_run(settings.load(cell(tmp_path)), tmp_path / "run", Until(60), show=tallies.append)
+    assert re.fullmatch(r"record, \d+ sweeps/s, \d+ cells \(\d+ cm2\), sigma 0\.5\d? mm", tallies[-1].in_words())
+    assert tallies[-1].covered.cells > 5
 
 
 def begun(folder, *words):
@@ -242,6 +303,6 @@ def test_a_standing_arm_is_known_exactly_and_states_told_twice_count_once():
     track = ToolTrack()
     for t_s in (0.0, 1.0, 1.0, 5.0):
         track.add(ToolState(t_s, pose(np.eye(3), (0.1, 0.2, 0.3))))
-    assert track.since_s == 1.0
+    assert track.since_s == 0.0  # it stood from its first state on
     assert track.until_s == 5.0
     assert track.at([3.0], [0.4]).off_m == 0.0

@@ -21,6 +21,7 @@ from surfuse.commands.machine.starter import shipped
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import SurfuseError
 from surfuse.exporters import nc
+from surfuse.rig.assembled import assembled
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "how-to" / "real_rig.md").read_text("utf-8")
@@ -66,6 +67,16 @@ def test_the_cell_file_of_the_page_is_the_one_of_its_pictures():
     assert block_after("cell") == CELL.read_text("utf-8")
     found = settings.load(CELL)
     assert [sensor.name for sensor in found.sensor] == ["front", "back", "spot"]
+
+
+def test_the_camera_of_the_page_loads_in_place_of_the_area(tmp_path):
+    text = re.sub(r"\[area\].*?(?=\[scan\])", "", CELL.read_text("utf-8"), flags=re.DOTALL)
+    (tmp_path / "rig.toml").write_text(f"{text}\n{block_after('camera')}", "utf-8")
+    found = settings.load(tmp_path / "rig.toml")
+    assert found.area is None
+    assert (found.camera.mounted, len(found.search.views), found.search.tallest_m) == ("tool", 1, 0.1)
+    lookout = assembled(found).lookout
+    assert len(lookout.moves) == 1
 
 
 def test_the_pictures_are_not_stale():

@@ -15,6 +15,7 @@ import pytest
 from surfuse.bridge.messages import ArmKind, ArmOfBridge, Hello, State
 from surfuse.commands.acquire.acquisition import acquire, resume
 from surfuse.commands.outcome import SilentWatcher
+from surfuse.errors import SafetyStopError
 from surfuse.exporters import nc
 from surfuse.geometry.poses import pose
 from surfuse.runs.log_reader import read_log
@@ -111,26 +112,54 @@ class JointRig(pretended.PretendedRig):
         return self.state()
 
 
-def test_an_arm_of_joints_behind_a_bridge(tmp_path):
-    pytest.importorskip("mujoco")
+def joint_rig(tmp_path):
     from surfuse.arm_models import model_file
 
     seven = module_of(HERE.parent / "arms" / "test_model_file.py").seven
     (tmp_path / "arm.urdf").write_text(seven(), "utf-8")
     kinematics = model_file.create(tmp_path / "arm.urdf", "tool", np.eye(4), np.eye(4))
     down, _ = kinematics.inverse(pose(np.diag([1.0, -1.0, -1.0]), [0.45, 0.0, 0.5])[None])
-    rig = JointRig(kinematics, down[~np.isnan(down).any(axis=-1)][0])
+    return JointRig(kinematics, down[~np.isnan(down).any(axis=-1)][0])
+
+
+def joint_cell(tmp_path, address):
+    return written(
+        tmp_path,
+        f'[arm]\ndriver = "bridge"\naddress = "{address}"\nfile = "{tmp_path / "arm.urdf"}"\ntool = "tool"',
+        f'[[sensor]]\nname = "us0"\n{LASER}',
+        AREA.replace("[-0.06, -0.04, 0.0]", "[0.40, -0.04, 0.0]"),
+    )
+
+
+def test_an_arm_of_joints_behind_a_bridge(tmp_path):
+    pytest.importorskip("mujoco")
+    rig = joint_rig(tmp_path)
     with pretended.Served(rig) as served:
-        path = written(
-            tmp_path,
-            f'[arm]\ndriver = "bridge"\naddress = "{served.address}"\nfile = "{tmp_path / "arm.urdf"}"\ntool = "tool"',
-            f'[[sensor]]\nname = "us0"\n{LASER}',
-            AREA.replace("[-0.06, -0.04, 0.0]", "[0.40, -0.04, 0.0]"),
-        )
+        path = joint_cell(tmp_path, served.address)
         assert not acquire(load(path), tmp_path / "run", StopsAfter(7), yes=True).complete
         assert resume(tmp_path / "run", SilentWatcher(), yes=True).complete
     assert rig.moves >= 35
     assert off_the_plane_m(tmp_path / "run") < 2.1e-3  # a cell of 2 cm on a slope of a tenth
+
+
+def test_an_arm_of_joints_that_moves_while_the_sensors_fire_is_noticed(tmp_path):
+    pytest.importorskip("mujoco")
+    rig = joint_rig(tmp_path)
+    sweep = rig.sweep
+
+    def moves(sensors):
+        answer = sweep(sensors)
+        if rig.sweeps == 5:
+            rig.joints_rad = rig.joints_rad + 0.05
+        return answer
+
+    rig.sweep = moves
+    with (
+        pretended.Served(rig) as served,
+        pytest.raises(SafetyStopError, match=r"2\.865 deg at joint \d without a move"),
+    ):
+        acquire(load(joint_cell(tmp_path, served.address)), tmp_path / "run", SilentWatcher(), yes=True)
+    assert len(read_log(tmp_path / "run").sweeps) == 4
 
 
 class TfminiOnALine:
@@ -181,6 +210,10 @@ def test_sound_and_light_side_by_side_over_a_bridge_and_a_serial_line(tmp_path):
         )
         outcome = acquire(load(path), tmp_path / "run", SilentWatcher(), yes=True)
     assert outcome.complete
+    clock = outcome.summary["clock"]
+    assert clock["brought_to_it"] == ["light"]
+    assert clock["keeps_pace"]
+    assert 0.0 < clock["uncertainty_ms"] < 1e3
     readings = read_log(tmp_path / "run").readings()
     assert [spec.kind for spec in readings.specs] == ["laser", "ultrasonic", "tof"]
     assert set(np.unique(readings.sensor)) == {0, 1, 2}

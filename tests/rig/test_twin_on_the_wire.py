@@ -84,6 +84,14 @@ def assert_same(one: Path, other: Path) -> None:
     np.testing.assert_array_equal(a.sigma_m, b.sigma_m)
 
 
+def test_ctrl_c_ends_the_bridge_without_a_complaint(tmp_path):
+    wire = Wire(tmp_path)
+    wire.start()
+    wire.program.send_signal(signal.SIGINT)
+    assert wire.program.communicate(timeout=60)[1] == ""
+    assert wire.program.returncode == 0
+
+
 def test_a_scan_over_the_wire_is_that_of_this_process_to_the_last_bit(wire, in_process, tmp_path):
     assert acquire(over(wire, tmp_path), tmp_path / "run", SilentWatcher(), yes=True).complete
     assert_same(tmp_path / "run", in_process)
@@ -106,6 +114,22 @@ def test_a_killed_bridge_costs_nothing(wire, in_process, tmp_path, sweeps):
     with pytest.raises((DeviceError, SafetyStopError)):
         acquire(over(wire, tmp_path), tmp_path / "run", KillsAfter(wire, sweeps), yes=True)
     wire.start()
+    assert resume(tmp_path / "run", SilentWatcher(), yes=True).complete
+    assert_same(tmp_path / "run", in_process)
+
+
+class RestartsAfter(KillsAfter):
+    """Kills the bridge after so many sweeps, and starts it again before anybody has noticed."""
+
+    def advance(self, steps: int = 1) -> None:
+        super().advance(steps)
+        if self.left == 0:
+            self.wire.start()
+
+
+def test_a_bridge_started_again_between_two_stops_costs_nothing(wire, in_process, tmp_path):
+    with pytest.raises(SafetyStopError, match=r"has moved by .* without a move"):
+        acquire(over(wire, tmp_path), tmp_path / "run", RestartsAfter(wire, 7), yes=True)
     assert resume(tmp_path / "run", SilentWatcher(), yes=True).complete
     assert_same(tmp_path / "run", in_process)
 

@@ -5,6 +5,7 @@ An arm that takes joints goes to the joints of the plan; one that takes poses go
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -42,11 +43,19 @@ class StopArm(Protocol):
         """
 
 
+def _supervised() -> None:
+    """The driver of the arm notices by itself when it moves."""
+
+
 @dataclass(frozen=True)
 class JointStopArm:
-    """An arm that takes joints; the tool of its kinematics is the grip."""
+    """An arm that takes joints; the tool of its kinematics is the grip.
+
+    `look_again` asks an arm that does not supervise itself for its joints after a sweep, which its driver compares.
+    """
 
     arm: Arm
+    look_again: Callable[[], object] = _supervised
 
     def now_s(self) -> float:
         """The arm's own time."""
@@ -61,7 +70,8 @@ class JointStopArm:
         return self._grip(self.arm.move_to(plan.joints_rad[stop]))
 
     def check_still(self, standing: ToolState) -> None:
-        """Its driver supervises the arm."""
+        """See `StopArm.check_still`."""
+        self.look_again()
 
     def _grip(self, state: JointState) -> ToolState:
         return ToolState(state.t_s, self.arm.kinematics.forward(state.position_rad), state.position_rad)

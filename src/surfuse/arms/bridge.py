@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from surfuse.bridge.child import ChildTransport
-from surfuse.bridge.client import BridgeClient, ClockOffset
+from surfuse.bridge.client import BridgeClient
+from surfuse.bridge.clock import ClockFindings
 from surfuse.bridge.consistency import Tolerances
 from surfuse.bridge.messages import Ability, MoveTo, State
 from surfuse.bridge.patience import Patience
@@ -44,12 +45,12 @@ class Parameters:
     command: tuple[str, ...] = ()
     allow_remote: bool = False
     speed_share: float | None = None
-    answer_timeout_s: float = 2.0
-    sweep_timeout_s: float = 10.0
-    move_timeout_s: float = 60.0
-    give_up_s: float = 4.5
-    position_tolerance_m: float = 0.005
-    angle_tolerance_rad: float = 0.03
+    answer_timeout_s: float = Patience.answer_timeout_s
+    sweep_timeout_s: float = Patience.sweep_timeout_s
+    move_timeout_s: float = Patience.move_timeout_s
+    give_up_s: float = Patience.give_up_s
+    position_tolerance_m: float = Tolerances.position_tolerance_m
+    angle_tolerance_rad: float = Tolerances.angle_tolerance_rad
     surroundings: Surroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
@@ -96,9 +97,9 @@ class BridgeArm(OpenedTogether):
         return self._bridge.client
 
     @property
-    def offset(self) -> ClockOffset:
+    def clock(self) -> ClockFindings:
         """How the bridge's clock and this machine's belong together."""
-        return self._bridge.offset
+        return self._bridge.clock
 
     def tool_state(self) -> ToolState:
         """Where the tool stands now."""

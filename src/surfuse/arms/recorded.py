@@ -1,4 +1,4 @@
-"""An arm that replays recorded joint states, one a move, with their own times."""
+"""An arm that replays recorded joint states with their own times: one a move, or those that are where it is sent."""
 
 from __future__ import annotations
 
@@ -25,9 +25,14 @@ class Surroundings(ArmSurroundings):
 
 @dataclass(frozen=True)
 class Parameters:
-    """`tolerance_rad`: how far a recorded state may be from the target of its move (inf: anywhere)."""
+    """How moves find their recorded states.
+
+    tolerance_rad : how far a recorded state may be from the target of its move (inf: anywhere).
+    in_order : every move is the next recorded one; else it goes to the recorded state that is nearest to its target.
+    """
 
     tolerance_rad: float = 0.02
+    in_order: bool = True
     surroundings: Surroundings | None = field(default=None, metadata=GIVEN_BY_RIG)
 
     def __post_init__(self) -> None:
@@ -36,7 +41,7 @@ class Parameters:
 
 
 class RecordedArm(AlwaysOpen):
-    """Stands at the first of the recorded states and goes to the next with every move."""
+    """Stands at the first of the recorded states; every move goes to the next, or to the nearest one."""
 
     def __init__(self, parameters: Parameters, surroundings: Surroundings) -> None:
         if len(surroundings.states) == 0:
@@ -47,7 +52,7 @@ class RecordedArm(AlwaysOpen):
             if len(state.position_rad) != joints:
                 raise DataError(f"recorded state {i} has {len(state.position_rad)} joints, the arm has {joints}")
         self._states, self._guard = tuple(surroundings.states), surroundings.guard
-        self._tolerance_rad = parameters.tolerance_rad
+        self._tolerance_rad, self._in_order = parameters.tolerance_rad, parameters.in_order
         self._at = 0
 
     @property
@@ -60,7 +65,7 @@ class RecordedArm(AlwaysOpen):
         return self._states[self._at]
 
     def move_to(self, joints_rad: FloatArray) -> JointState:
-        """Step on to the next recorded state, which must be where the target is.
+        """Step on to the next recorded state (or the nearest), which must be where the target is.
 
         Raises
         ------
@@ -70,21 +75,29 @@ class RecordedArm(AlwaysOpen):
         check_position(joints_rad, self._limits)
         if self._guard is not None:
             self._guard(self._states[self._at].position_rad, np.array(joints_rad, dtype=np.float64))
-        if self._at + 1 >= len(self._states):
-            raise DeviceError(
-                f"the recording ends after {len(self._states)} joint states", cure="ask for no more moves than it has"
-            )
-        recorded = self._states[self._at + 1]
+        to = self._next() if self._in_order else self._nearest(joints_rad)
+        recorded = self._states[to]
         off = np.abs(recorded.position_rad - np.asarray(joints_rad, dtype=np.float64))
         if not np.all(off <= self._tolerance_rad):
             j = int(np.argmax(off))
             raise DeviceError(
-                f"recorded state {self._at + 1} has joint {j + 1} at {np.degrees(recorded.position_rad[j]):.2f} deg, "
+                f"recorded state {to} has joint {j + 1} at {np.degrees(recorded.position_rad[j]):.2f} deg, "
                 f"the target is {np.degrees(joints_rad[j]):.2f} deg",
                 cure="replay with the plan of the recorded scan",
             )
-        self._at += 1
+        self._at = to
         return recorded
+
+    def _next(self) -> int:
+        if self._at + 1 >= len(self._states):
+            raise DeviceError(
+                f"the recording ends after {len(self._states)} joint states", cure="ask for no more moves than it has"
+            )
+        return self._at + 1
+
+    def _nearest(self, joints_rad: FloatArray) -> int:
+        off = [float(np.max(np.abs(state.position_rad - joints_rad))) for state in self._states]
+        return int(np.argmin(off))
 
 
 def create(parameters: Parameters) -> RecordedArm:

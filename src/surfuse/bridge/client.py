@@ -11,11 +11,12 @@ from typing import Self
 import numpy as np
 
 from surfuse.bridge import answers, questions
+from surfuse.bridge.askable import check_sensors, check_target, demand
+from surfuse.bridge.clock import ClockFindings, ClockWatch
 from surfuse.bridge.consistency import Consistency, Tolerances
 from surfuse.bridge.conversation import Conversation, Tally
 from surfuse.bridge.messages import (
     Ability,
-    ArmKind,
     Hello,
     Image,
     MoveTo,
@@ -26,7 +27,7 @@ from surfuse.bridge.messages import (
 from surfuse.bridge.patience import Patience
 from surfuse.bridge.refusals import GarbledError
 from surfuse.bridge.transport import ClosedError, SilenceError, Transport
-from surfuse.errors import ConfigError, DeviceError, SurfuseError, nearest
+from surfuse.errors import DeviceError, SurfuseError
 from surfuse.records import BoolArray, FloatArray
 
 PATIENCE = Patience()
@@ -41,14 +42,6 @@ class Observation:
     before: State
     sweep: SweepAnswer
     after: State
-
-
-@dataclass(frozen=True)
-class ClockOffset:
-    """How this machine's `time.monotonic` and the bridge's clock belong together, at most `uncertainty_s` off."""
-
-    host_minus_bridge_s: float
-    uncertainty_s: float
 
 
 class BridgeClient:
@@ -68,10 +61,12 @@ class BridgeClient:
         self, transport: Transport, patience: Patience = PATIENCE, tolerances: Tolerances = TOLERANCES
     ) -> None:
         self._watch = Consistency(tolerances, transport.name)
-        self._line = Conversation(transport, patience, self._watch.new_connection)
+        self._clock = ClockWatch(transport.name)
+        self._line = Conversation(transport, patience, self._on_connection)
         self._hello: Hello | None = None
-        self._move_lost = False
+        self._unsure = False
         self._guided = False
+        self._begun: tuple[str, int] | None = None
 
     def __enter__(self) -> Self:
         try:
@@ -119,7 +114,7 @@ class BridgeClient:
 
     def reach(self, world_from_tool: FloatArray) -> BoolArray:
         """Which of the poses (N, 4, 4) the arm can take: (N,)."""
-        self._demand(Ability.REACH)
+        demand(self.hello, Ability.REACH, self._line.where)
         parts = [world_from_tool[i : i + _POSES_A_QUESTION] for i in range(0, len(world_from_tool), _POSES_A_QUESTION)]
         reachable = [self._reach_of(part) for part in parts]
         return np.concatenate([np.zeros(0, dtype=np.bool_), *reachable])
@@ -133,15 +128,17 @@ class BridgeClient:
         SafetyStopError : it is not where it was sent, or was stopped.
         DeviceError : it did not get there in time.
         """
-        self._check_target(to)
-        if self._move_lost:
-            self.state()  # nobody knows how the last one ended
-            self._move_lost = False
+        check_target(self.hello, to, self._line.where)
+        self._line.ensure_connected()
+        if self._unsure:
+            self.state()  # nobody knows how the last move ended, or where a bridge that was started again has its arm
+            self._unsure = False
+        stood = self._watch.rest
         self._watch.moving()
         try:
             reached = self._sent(to)
         except (ClosedError, GarbledError, SilenceError) as lost:
-            reached = self._after_lost_move(to, lost)
+            reached = self._after_lost_move(stood, to, lost)
         self._watch.check_times([reached.t_s])
         self._watch.check_arrival(to, reached)
         return reached
@@ -152,9 +149,10 @@ class BridgeClient:
         Where the arm was meanwhile is not asked: see `observe`.
         """
         asked = self.hello.sensors if sensors is None else sensors
-        self._check_sensors(asked)
+        check_sensors(self.hello, asked, self._line.where)
         fields = questions.encode_sweep(sensors)
         answer = self._line.ask(Question.SWEEP, fields, lambda got: answers.decode_sweep(got, asked))
+        self._clock.asked(Question.SWEEP)
         readings = sorted(answer.readings, key=lambda reading: asked.index(reading.sensor))
         self._watch.check_times([reading.t_s for reading in readings])
         return SweepAnswer(tuple(readings))
@@ -174,41 +172,61 @@ class BridgeClient:
     def begin(self, stage: str, index: int) -> None:
         """Tell a simulated rig which stop comes next; others have nothing to begin and are not asked."""
         if self.can(Ability.STREAMS):
-            self._line.ask(Question.BEGIN, {"stage": stage, "index": index}, lambda got: None)
+            self._begun = stage, index
+            self._begin_again()
 
     def image(self) -> Image:
         """One picture."""
-        self._demand(Ability.IMAGE)
+        demand(self.hello, Ability.IMAGE, self._line.where)
         camera = self.hello.camera
         if camera is None:
             raise DeviceError("the bridge can 'image' but has no 'camera'", where=self._line.where)
         image = self._line.ask(Question.IMAGE, {}, lambda got: answers.decode_image(got, camera))
+        self._clock.asked(Question.IMAGE)
         self._watch.check_times([image.t_s])
         return image
 
     def stop(self) -> State:
         """Stop the arm at once, also in the middle of a move; where it is then."""
-        self._demand(Ability.STOP)
+        demand(self.hello, Ability.STOP, self._line.where)
         self._watch.moving()
         state = self._asked_state(Question.STOP)
-        self._move_lost = False
+        self._unsure = False
         return state
 
-    def measure_clock(self, questions_asked: int = 8) -> ClockOffset:
-        """The bridge's clock against `time.monotonic`: by the state that came back fastest."""
-        best = ClockOffset(0.0, float("inf"))
+    def measure_clock(self, questions_asked: int = 8) -> ClockFindings:
+        """The bridge's clock against `time.monotonic`; every state that comes later makes it better known."""
         for _ in range(questions_asked):
-            sent_s = time.monotonic()
-            stamp_s = self.state().t_s
-            half_s = 0.5 * (time.monotonic() - sent_s)
-            if half_s < best.uncertainty_s:
-                best = ClockOffset(sent_s + half_s - stamp_s, half_s)
-        return best
+            self.state()
+        return self.clock()
+
+    def clock(self) -> ClockFindings:
+        """What is known now of the bridge's clock, by all states since the connection was made."""
+        return self._clock.findings(time.monotonic())
+
+    def _on_connection(self) -> None:
+        """Nothing that the last connection was told holds any more."""
+        self._watch.new_connection()
+        self._clock.new_connection()
+        self._unsure = True
+        if self._begun is not None:
+            self._begin_again()
+
+    def _begin_again(self) -> None:
+        assert self._begun is not None
+        stage, index = self._begun
+        self._line.ask(Question.BEGIN, {"stage": stage, "index": index}, lambda got: None)
 
     def _asked_state(self, question: Question) -> State:
         arm = self.hello.arm
-        state = self._line.ask(question, {}, lambda got: answers.decode_state(got, arm))
+        state = self._line.ask(question, {}, lambda got: self._timed(answers.decode_state(got, arm), question))
         self._watch.check_times([state.t_s])
+        return state
+
+    def _timed(self, state: State, question: Question) -> State:
+        """The state, once its stamp was compared with this machine's clock."""
+        self._clock.asked(question)
+        self._clock.take(self._line.sent_s, time.monotonic(), state.t_s)
         return state
 
     def _reach_of(self, poses: FloatArray) -> BoolArray:
@@ -218,17 +236,21 @@ class BridgeClient:
     def _sent(self, to: MoveTo) -> State:
         arm = self.hello.arm
         self._line.ensure_connected()
-        return self._line.ask_once(Question.MOVE, questions.encode_move(to), lambda got: answers.decode_state(got, arm))
+        return self._line.ask_once(
+            Question.MOVE,
+            questions.encode_move(to),
+            lambda got: self._timed(answers.decode_state(got, arm), Question.MOVE),
+        )
 
-    def _after_lost_move(self, to: MoveTo, lost: DeviceError) -> State:
+    def _after_lost_move(self, stood: State | None, to: MoveTo, lost: DeviceError) -> State:
         """Ask where the arm is before anything else, and stop it when it took too long.
 
-        Only where the line broke, and the arm has said where it is, the move is sent again, once.
+        Only where the line broke, and the arm has said that it is on the way, the move is sent again, once.
         """
-        self._move_lost = True
+        self._unsure = True
         too_long = isinstance(lost, SilenceError)
         state = self._asked_state(Question.STOP if too_long and self.can(Ability.STOP) else Question.STATE)
-        self._move_lost = False
+        self._unsure = False
         if self._watch.arrived(to, state):
             return state
         if too_long:
@@ -237,34 +259,6 @@ class BridgeClient:
                 where=lost.where,
                 cure="raise move_timeout_s if the arm is slow, then resume the run",
             ) from lost
+        if stood is not None:
+            self._watch.check_on_way(stood, to, state)
         return self._sent(to)
-
-    def _check_sensors(self, asked: tuple[str, ...]) -> None:
-        known = self.hello.sensors
-        for name in asked:
-            if name not in known:
-                where, cure = self._line.where, nearest(name, known)
-                raise ConfigError(f"the bridge has no sensor '{name}'", where=where, cure=cure)
-        if len(set(asked)) != len(asked):
-            raise ConfigError("a sensor is asked twice in one sweep", where=self._line.where, cure="name each once")
-
-    def _check_target(self, to: MoveTo) -> None:
-        arm = self.hello.arm
-        if arm is None:
-            raise ConfigError(
-                "this bridge moves nothing ('arm' is null)", where=self._line.where, cure="record instead"
-            )
-        if to.joints_rad is None:
-            return
-        if arm.kind is ArmKind.CARTESIAN or len(to.joints_rad) != arm.joints:
-            has = "no joints to command" if arm.kind is ArmKind.CARTESIAN else f"{arm.joints} joints"
-            raise ConfigError(f"a target of {len(to.joints_rad)} joints, the arm has {has}", where=self._line.where)
-
-    def _demand(self, ability: Ability) -> None:
-        if not self.can(ability):
-            can = ", ".join(sorted(self.hello.can)) or "nothing of that kind"
-            raise DeviceError(
-                f"the bridge cannot '{ability.value}'; it can: {can}",
-                where=self._line.where,
-                cure=f"add '{ability.value}' to its 'can' and answer it",
-            )

@@ -13,6 +13,9 @@ from surfuse.records import FloatArray
 
 _CURE = "find out what moved the arm or what the bridge reports wrongly, then resume the run"
 
+WAY_SHARE, WAY_SLACK_M, WAY_SLACK_RAD = 0.5, 0.05, 0.1
+"""How far an arm may leave the straight way to its target: a share of the way, and what any move may take."""
+
 
 @dataclass(frozen=True)
 class Tolerances:
@@ -23,8 +26,8 @@ class Tolerances:
     rounded.
     """
 
-    position_tolerance_m: float = 0.002
-    angle_tolerance_rad: float = 0.01
+    position_tolerance_m: float = 0.005
+    angle_tolerance_rad: float = 0.03
     time_tolerance_s: float = 0.001
 
     def __post_init__(self) -> None:
@@ -87,6 +90,20 @@ class Consistency:
         )
         return said and self._excess(target, state) is None
 
+    def check_on_way(self, stood: State, to: MoveTo, state: State) -> None:
+        """After a move that was lost with its line: the arm is somewhere between where it stood and its target.
+
+        One that is further away was put somewhere else, and its straight way to the target may lead through the part.
+        """
+        target = _end_of(to)
+        off = _off_way(stood, target, state)
+        if off is not None:
+            raise SafetyStopError(
+                f"after the line broke in a move, the arm is {off[0]} from its way, at most {off[1]}",
+                where=self._where,
+                cure=_CURE,
+            )
+
     def check_rest(self, state: State) -> None:
         """An arm that was not sent anywhere has not moved."""
         if self._rest is None:
@@ -119,6 +136,23 @@ class Consistency:
             if not off_rad <= radians:
                 return f"{math.degrees(off_rad):.3f} deg at joint {joint}", f"{math.degrees(radians):.3g} deg"
         return None
+
+
+def _off_way(stood: State, target: State, state: State) -> tuple[str, str] | None:
+    """How far a state is from the way between two others, and the limit; None within it, or where nobody can tell."""
+    poses = (stood.world_from_tool, target.world_from_tool, state.world_from_tool)
+    if poses[0] is not None and poses[1] is not None and poses[2] is not None:
+        start, end, here = (pose[:3, 3].tolist() for pose in poses if pose is not None)
+        limit_m = WAY_SHARE * math.dist(start, end) + WAY_SLACK_M
+        off_m = max(math.dist(start, here), math.dist(here, end)) - math.dist(start, end)
+        return None if off_m <= limit_m else (f"{1e3 * off_m:.0f} mm", f"{1e3 * limit_m:.0f} mm")
+    joints = (stood.joints_rad, target.joints_rad, state.joints_rad)
+    if joints[0] is not None and joints[1] is not None and joints[2] is not None:
+        low, high = np.minimum(joints[0], joints[1]), np.maximum(joints[0], joints[1])
+        off_rad = float(np.max(np.maximum(low - joints[2], joints[2] - high), initial=0.0))
+        if off_rad > WAY_SLACK_RAD:
+            return f"{math.degrees(off_rad):.1f} deg", f"{math.degrees(WAY_SLACK_RAD):.1f} deg"
+    return None
 
 
 def turn_between_rad(world_from_a: FloatArray, world_from_b: FloatArray) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -40,7 +41,9 @@ class Conversation:
     ----------
     transport : the way to the bridge; it is opened by `open`.
     patience : how long answers may take.
-    on_connection : called after each greeting but the first.
+    on_connection : called after each greeting but the first; it may ask.
+
+    `sent_s` is when the question was sent that was asked last, by `time.monotonic`.
     """
 
     def __init__(self, transport: Transport, patience: Patience, on_connection: Callable[[], None]) -> None:
@@ -49,6 +52,7 @@ class Conversation:
         self._connected = False
         self._lost: DeviceError | None = None
         self._hello: Hello | None = None
+        self.sent_s = -math.inf
         self.tally = Tally()
 
     @property
@@ -119,6 +123,7 @@ class Conversation:
     ) -> T:
         deadline_s = time.monotonic() + timeout_s
         number, line = self._next(question, fields)
+        self.sent_s = time.monotonic()
         try:
             self._transport.send(line, deadline_s)
             answer = self._answer_to(number, question, deadline_s)

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-from surfuse.bridge.client import BridgeClient, ClockOffset
+from surfuse.bridge.client import BridgeClient
+from surfuse.bridge.clock import ClockFindings, ClockOffset
 from surfuse.errors import DeviceError
 
-UNKNOWN_OFFSET = ClockOffset(0.0, float("inf"))
+UNKNOWN_CLOCK = ClockFindings(ClockOffset(0.0, float("inf")), True, 0.0, float("inf"))
 
 
 class SharedBridge:
     """A device that several devices open.
 
-    Its clock is that of the bridge, as far as this machine's can be brought to it: `offset` says how well.
+    Its clock is that of the bridge, as far as this machine's can be brought to it: `clock` says how well.
     """
 
     def __init__(self, connect: Callable[[], BridgeClient]) -> None:
@@ -24,7 +26,7 @@ class SharedBridge:
         self._client: BridgeClient | None = None
         self._users = 0
         self._guided = False
-        self.offset = UNKNOWN_OFFSET
+        self._clock = UNKNOWN_CLOCK
 
     def __enter__(self) -> Self:
         if self._users == 0:
@@ -33,7 +35,7 @@ class SharedBridge:
             client.guide(self._guided)
             self._client = client
             try:
-                self.offset = client.measure_clock()
+                self._clock = client.measure_clock()
             except BaseException as error:
                 client.__exit__(type(error), error, error.__traceback__)
                 self._client = None
@@ -46,6 +48,7 @@ class SharedBridge:
     ) -> None:
         self._users -= 1
         if self._users == 0 and self._client is not None:
+            self._clock = self.clock
             client, self._client = self._client, None
             client.__exit__(kind, error, trace)
 
@@ -54,6 +57,11 @@ class SharedBridge:
         self._guided = by_hand
         if self._client is not None:
             self._client.guide(by_hand)
+
+    @property
+    def clock(self) -> ClockFindings:
+        """What is known of the bridge's clock now, or was when it was closed."""
+        return self._clock if self._client is None else self._client.clock()
 
     @property
     def client(self) -> BridgeClient:
@@ -73,10 +81,17 @@ class BridgeClock:
 
     def __init__(self, bridge: SharedBridge) -> None:
         self._bridge = bridge
+        self._host_minus_bridge_s = 0.0
 
     def now_s(self) -> float:
-        """Seconds of the bridge, by this machine's clock and the offset measured when the bridge was opened."""
-        return time.monotonic() - self._bridge.offset.host_minus_bridge_s
+        """Seconds of the bridge, by this machine's clock and the offset that is measured with every state.
+
+        On a new connection that has not told a state yet the last offset holds; `SharedBridge.clock` then is unsure.
+        """
+        offset = self._bridge.clock.offset
+        if math.isfinite(offset.uncertainty_s):
+            self._host_minus_bridge_s = offset.host_minus_bridge_s
+        return time.monotonic() - self._host_minus_bridge_s
 
     def advance(self, duration_s: float) -> None:
         """Wait."""

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 from surfuse.cli import _options as options
 from surfuse.cli._progress import TerminalWatcher
-from surfuse.commands.outcome import Outcome, Watcher
+from surfuse.commands.outcome import Outcome
 from surfuse.commands.show.observer import UNOBSERVED, ScanObserver
 
-Job = Callable[[Watcher, ScanObserver], Outcome]
+Job = Callable[[TerminalWatcher, ScanObserver], Outcome]
 
 
 def watched_command(job: Job, as_json: bool, quiet: bool, view_port: int | None, checkpoints: bool = True) -> int:

@@ -1,4 +1,4 @@
-"""`surfuse calibrate camera | shoulder | pictures | sensor`: the camera, the shoulder, the range sensors."""
+"""`surfuse calibrate camera | shoulder | hand-eye | pictures | sensor`: the camera, its place, the range sensors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import typer
 
 from surfuse.cli import _options as options
 
-HELP = "Calibrate the camera, where camera and ranger sit on the shoulder, and the range sensors."
+HELP = "Calibrate the camera, where it sits (tool, shoulder, fixed), and the range sensors."
 CAMERA_HELP = """Calibrate a camera from pictures of a flat board.
 
 The result is the [camera] section of a cell file, with reprojection error and standard deviations. Views that cannot
@@ -28,6 +28,17 @@ corner (upper left) must be known in the world, for example touched with the gri
 \b
 Example:
     surfuse calibrate shoulder views.csv --corner 0.85,0.25,1.42 --camera camera.toml --out shoulder.toml
+"""
+HAND_EYE_HELP = """Find where a camera sits on the tool (hand-eye), or fixed in the world, from views of one board.
+
+VIEWS is a CSV file with the columns image,m00,m01,...,m33: a picture, and the pose of the tool (world_from_tool, row by
+row) when it was taken. For a camera on the tool the board lies still; with --fixed the board is on the tool. Turn the
+tool about two axes between the views. The result is the [camera] table of a cell file.
+
+\b
+Examples:
+    surfuse calibrate hand-eye views.csv --camera camera.toml --out on_tool.toml
+    surfuse calibrate hand-eye views.csv --camera camera.toml --fixed --driver uvc --out fixed.toml
 """
 PICTURES_HELP = """Let the twin take pictures of a board, to try a calibration out.
 
@@ -61,6 +72,7 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(help=HELP, no_args_is_help=True, rich_markup_mode=None)
     group.command("camera", help=CAMERA_HELP)(camera)
     group.command("shoulder", help=SHOULDER_HELP)(shoulder)
+    group.command("hand-eye", help=HAND_EYE_HELP)(hand_eye)
     group.command("pictures", help=PICTURES_HELP)(pictures)
     group.command("sensor", help=SENSOR_HELP)(sensor)
     app.add_typer(group, name="calibrate")
@@ -116,6 +128,29 @@ def shoulder(
     target = Target(pattern, columns, rows, 1e-3 * square_mm)
     place = calibration.place_of(corner)
     outcome = calibration.shoulder_from_views(views, target, place, camera, ranger_height, out, force)
+    return options.show(outcome.summary, outcome.table, as_json, quiet)
+
+
+def hand_eye(
+    views: Annotated[Path, typer.Argument(help="CSV file: image,m00,m01,...,m33.")],
+    camera: Annotated[Path, typer.Option("--camera", help="TOML file of the calibrated camera.")],
+    out: Toml,
+    fixed: Annotated[bool, typer.Option("--fixed", help="The camera stands still, the board is on the tool.")] = False,
+    driver: Annotated[str, typer.Option("--driver", help="What takes the pictures in the cell file.")] = "bridge",
+    pattern: Pattern = "checkerboard",
+    columns: Columns = 9,
+    rows: Rows = 7,
+    square_mm: Square = 30.0,
+    force: options.Force = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> int:
+    """Calibrate a camera on the tool, or a fixed one."""
+    from surfuse.commands.calibrate import hand_eye as work
+    from surfuse.vision.calibration_target import Target
+
+    target = Target(pattern, columns, rows, 1e-3 * square_mm)
+    outcome = work.hand_eye_from_views(views, target, camera, fixed, driver, out, force)
     return options.show(outcome.summary, outcome.table, as_json, quiet)
 
 

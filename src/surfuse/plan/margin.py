@@ -68,6 +68,17 @@ def margin_for(outline: Outline, parameters: MarginParameters | None = None) -> 
     return _margin(outline, front_view(outline), parameters or MarginParameters())
 
 
+def margin_on_plane(outline: Outline, step_m: float, parameters: MarginParameters | None = None) -> float:
+    """The same (m) of an outline on a plane that the camera looks down at, whose sides stand up from w = 0.
+
+    Nothing is put right: the outline as seen holds the part. At least the run-in, as in `scan_area`.
+    """
+    chosen = parameters or MarginParameters()
+    sigma_m = float(outline.sigma_m.max())
+    run_in_m = min(chosen.run_in_stops * step_m, chosen.run_in_max_m)
+    return max(chosen.unseen_m + float(ndtri(chosen.containment)) * sigma_m, run_in_m)
+
+
 def margin_in_words(outline: Outline, margin_m: float, given: bool) -> str:
     """The margin (m) of a plan and why it is that large, given the outline as the camera saw it."""
     asked = margin_for(outline)

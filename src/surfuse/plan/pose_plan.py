@@ -8,8 +8,8 @@ import numpy as np
 
 from surfuse.geometry.poses import inverse
 from surfuse.plan.margin import enlarged
-from surfuse.plan.raster import grip_targets, nearest_quarter, raster
-from surfuse.plan.scan_plan import PlanParameters
+from surfuse.plan.raster import StopRaster, grip_targets, nearest_quarter, raster
+from surfuse.plan.scan_plan import PlanParameters, too_low
 from surfuse.records import BoolArray, FloatArray, Outline, ScanPlan, SkippedStop
 
 OUT_OF_REACH = "the arm cannot take this pose"
@@ -25,10 +25,13 @@ def pose_plan(
 
     The beams look along -w. About them the grip is turned so that the array lies square to the lines, by the quarter
     turn that is nearest to how it stands now; an arm that cannot turn keeps the turn that it has. The outline is what
-    shall be scanned, so it is enlarged only by a margin that is given. The plan has no joints.
+    shall be scanned, so it is enlarged only by a margin that is given. The plan has no joints. Lines below
+    `lowest_v_m` are left out.
     """
     area = enlarged(outline, parameters.margin_m or 0.0)
-    stops = raster(area, parameters.step_m, parameters.same_side)
+    whole = raster(area, parameters.step_m, parameters.same_side)
+    low = whole.uv_m[:, 1] < parameters.lowest_v_m - 1e-9
+    stops = StopRaster(whole.uv_m[~low], whole.row[~low])
     best, can = np.zeros((0, 4, 4)), np.zeros(0, dtype=np.bool_)
     for turn in _turns(inverse(outline.world_from_part)[:3, :3] @ start_world_from_grip[:3, :3]):
         targets = grip_targets(outline.world_from_part, stops.uv_m, parameters.standoff_m, turn)
@@ -45,7 +48,10 @@ def pose_plan(
         outline=area,
         step_m=parameters.step_m,
         standoff_m=parameters.standoff_m,
-        skipped=tuple(SkippedStop(u, v, OUT_OF_REACH) for u, v in stops.uv_m[~can].tolist()),
+        skipped=(
+            *(SkippedStop(u, v, too_low(v, parameters.lowest_v_m)) for u, v in whole.uv_m[low].tolist()),
+            *(SkippedStop(u, v, OUT_OF_REACH) for u, v in stops.uv_m[~can].tolist()),
+        ),
     )
 
 

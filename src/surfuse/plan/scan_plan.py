@@ -72,7 +72,7 @@ def scan_plan(
     visited = np.flatnonzero(high_enough)[checked.reached]
     reasons = dict(zip(np.flatnonzero(high_enough).tolist(), checked.reason, strict=True))
     skipped = tuple(
-        SkippedStop(u, v, reasons.get(i) or _too_low(v, parameters.lowest_v_m))
+        SkippedStop(u, v, reasons.get(i) or too_low(v, parameters.lowest_v_m))
         for i, (u, v) in enumerate(stops.uv_m.tolist())
         if reasons.get(i) != ""
     )
@@ -88,7 +88,8 @@ def scan_plan(
     )
 
 
-def _too_low(v_m: float, lowest_v_m: float) -> str:
+def too_low(v_m: float, lowest_v_m: float) -> str:
+    """Why a stop at height v is left out, where the lowest line is at `lowest_v_m`."""
     return f"below the table top: the grip axis would point {1e3 * (lowest_v_m - v_m):.0f} mm below the lowest line"
 
 

@@ -52,8 +52,9 @@ class LiveScene:
     def _add_plan(self, scene: FusionScene) -> None:
         flat = np.column_stack([self._plan.uv_m, np.zeros(len(self._plan))])
         stops = transform_points(scene.world_from_part, flat).astype(np.float32)
-        cloud = self._server.scene.add_point_cloud("/planned", stops, PLANNED, precision="float32")
-        cloud.point_size, cloud.point_shape = 0.002, "circle"
+        if len(stops):
+            cloud = self._server.scene.add_point_cloud("/planned", stops, PLANNED, precision="float32")
+            cloud.point_size, cloud.point_shape = 0.002, "circle"
         outline = self._plan.outline.vertices_m
         if len(outline) >= 3:
             corners = transform_points(scene.world_from_part, np.column_stack([outline, np.zeros(len(outline))]))

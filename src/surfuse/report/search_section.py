@@ -19,10 +19,8 @@ def search_section(parts: tuple[FoundPartView, ...], longest_px: int) -> Markup:
     ]
     if any(part.outline is not None for part in parts):
         keys.append(key("var(--accent)", f"outline, with a band of {BAND_SIGMAS:g} standard deviations to either side"))
-    noun = "The part" if len(parts) == 1 else f"The {len(parts)} parts, in order of angle,"
-    text = (
-        f"{noun} in the image of the shoulder camera: threshold, contour, dominant points, and the outline in metres."
-    )
+    noun = "The part" if len(parts) == 1 else f"The {len(parts)} parts, in order of angle or view,"
+    text = f"{noun} in the image of the camera: threshold, contour, dominant points, and the outline in metres."
     legend = element("div", {"class": "legend"}, *keys)
     blocks = [_block(part, longest_px, len(parts) > 1) for part in parts]
     return section("search", "Search", element("p", None, text), legend, *blocks)

@@ -28,9 +28,10 @@ def part_frame(area: AreaSettings) -> FloatArray:
     return pose(np.column_stack([u, v, np.cross(u, v)]), area.origin_m)
 
 
-def check_faces(world_from_part: FloatArray, world_from_grip: FloatArray) -> None:
+def check_faces(world_from_part: FloatArray, world_from_grip: FloatArray, found: bool = False) -> None:
     """Refuse an area (pose (4, 4)) whose w points along the beams of the sensors as they stand now (pose (4, 4)).
 
+    `found`: a camera found the part on the plane of the search, whose normal is w.
     Its stops would lie behind the surface, and the way to them leads through it.
 
     Raises
@@ -38,6 +39,12 @@ def check_faces(world_from_part: FloatArray, world_from_grip: FloatArray) -> Non
     ConfigError : they are less than 60 degrees apart.
     """
     w, beams = world_from_part[:3, 2], world_from_grip[:3, 2]
+    if float(w @ beams) > _ALONG and found:
+        raise ConfigError(
+            f"w of the part, the normal of search.plane, is ({_numbers(w)}), along the beams of the sensors, "
+            f"({_numbers(beams)})",
+            cure="it points out of the part, at the sensors: negate the normal, or turn the tool to the part",
+        )
     if float(w @ beams) > _ALONG:
         raise ConfigError(
             f"w = u x v of the area is ({_numbers(w)}), along the beams of the sensors, ({_numbers(beams)})",
@@ -57,8 +64,13 @@ def area_of(settings: Settings) -> AreaSettings:
     ConfigError : there is none.
     """
     if settings.area is None:
-        raise ConfigError("nothing says where to scan", cure="add an [area] to the cell file")
+        raise nothing_to_scan()
     return settings.area
+
+
+def nothing_to_scan() -> ConfigError:
+    """What to do where the cell file has neither an area nor a camera."""
+    return ConfigError("nothing says where to scan", cure="add an [area] to the cell file, or a [camera] with a driver")
 
 
 def outline_of(area: AreaSettings) -> Outline:

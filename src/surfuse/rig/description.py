@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from surfuse.errors import ConfigError
 from surfuse.geometry.poses import pose
 from surfuse.geometry.sensor_array import grip_from_sensors, tool_from_grip
 from surfuse.node.bus_time import sweep_bus_s
@@ -20,6 +22,7 @@ from surfuse.settings import NO_BUS, BusSettings, Settings
 
 PING_PERIOD_S = polaroid.SPEC.firing_time_s / polaroid.Parameters().pings
 NODE_GROUP = "239.74.163.2"
+_ROUNDING_RAD = 1e-9
 
 
 def square_fixture(settings: Settings) -> Fixture:
@@ -103,6 +106,28 @@ def camera_mount(settings: Settings) -> Mount:
 def ranger_mount(settings: Settings) -> Mount:
     """Where the ranger of the configuration sits on the shoulder, looking straight outwards."""
     return Mount(settings.ranger.forward_m, settings.ranger.height_m, settings.ranger.left_m)
+
+
+def turn_of(settings: Settings, lower_rad: float = -math.pi, upper_rad: float = math.pi) -> tuple[float, float]:
+    """From and to where joint 1 turns in a search, within its limits (rad) and half a turn each way.
+
+    Beyond that the camera would see the same again.
+
+    Raises
+    ------
+    ConfigError : the turn that is wanted lies beyond the limits.
+    """
+    first, last = settings.search.from_deg, settings.search.to_deg
+    begin, end = max(lower_rad, -math.pi), min(upper_rad, math.pi)
+    wanted = (begin if first is None else math.radians(first), end if last is None else math.radians(last))
+    given = first is not None or last is not None
+    if given and not begin - _ROUNDING_RAD <= wanted[0] <= wanted[1] <= end + _ROUNDING_RAD:
+        raise ConfigError(
+            f"the search turns joint 1 from {math.degrees(wanted[0]):.4g} to {math.degrees(wanted[1]):.4g} degrees, "
+            f"its limits are {math.degrees(begin):.4g} and {math.degrees(end):.4g}",
+            cure="give search.from_deg and search.to_deg within them",
+        )
+    return wanted
 
 
 def bus_parameters(bus: BusSettings) -> BusParameters:

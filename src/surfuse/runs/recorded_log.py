@@ -38,7 +38,7 @@ def recorded_scan(log: RunLog, scene: FusionScene, wanted_m: float | None, notes
     """
     readings = log.readings()
     given = scene.outline is not None
-    frame = scene.world_from_part if given else _estimated(readings)
+    frame = scene.world_from_part if given else estimated_frame(readings)
     notes = notes if given else (*notes, "no [area]: the part frame is estimated from the readings")
     return ScanLog(
         readings=replace(readings, row=_rows(readings, frame)),
@@ -47,7 +47,7 @@ def recorded_scan(log: RunLog, scene: FusionScene, wanted_m: float | None, notes
         outline=scene.outline,
         depth_max_m=scene.depth_max_m,
         warnings=notes,
-        step_m=_usual_step_m(readings) if wanted_m is None else wanted_m,
+        step_m=usual_step_m(readings) if wanted_m is None else wanted_m,
     )
 
 
@@ -64,7 +64,13 @@ def wanted_step_m(path: Path) -> float | None:
     return float(step) if isinstance(step, int | float) else None
 
 
-def _estimated(readings: Readings) -> FloatArray:
+def estimated_frame(readings: Readings) -> FloatArray:
+    """A part frame (4, 4) for what was seen.
+
+    Raises
+    ------
+    DataError : the beams have no common direction.
+    """
     grips = readings.world_from_grip
     return estimate_part_frame(grips[:, :3, 3], grips[:, :3, 2].mean(axis=0), readings.range_m)
 
@@ -73,7 +79,7 @@ def _rows(readings: Readings, world_from_part: FloatArray) -> IntArray:
     return row_numbers(transform_points(inverse(world_from_part), readings.world_from_grip[:, :3, 3])[:, :2])
 
 
-def _usual_step_m(readings: Readings) -> float:
+def usual_step_m(readings: Readings) -> float:
     """The step of a planned scan with these sensors: the median over the first sweeps, to a tenth of a millimetre."""
     steps = []
     for j in range(min(readings.n_sweeps, _SWEEPS_FOR_STEP)):

@@ -45,12 +45,18 @@ class RecordedSensor(AlwaysOpen):
         rows = np.flatnonzero(readings.sensor == number)
         self._readings, self._spec = readings, surroundings.known(readings.specs[number])
         self._rows = rows[np.argsort(readings.t_s[rows], kind="stable")][parameters.first_reading :]
+        self._stops = np.repeat(readings.stop, np.diff(readings.start))[self._rows]
         self._next = 0
 
     @property
     def spec(self) -> SensorSpec:
         """What the record says of the sensor."""
         return self._spec
+
+    def go_to(self, stop: int) -> None:
+        """Play on from the first reading of this stop; where there is none, the record ends."""
+        found = np.flatnonzero(self._stops == stop)
+        self._next = int(found[0]) if len(found) else len(self._rows)
 
     def fire(self) -> Echo:
         """The next recorded reading.
@@ -73,6 +79,7 @@ class RecordedSensor(AlwaysOpen):
             amplitude=float(taken.amplitude[k]),
             spread_m=float(taken.spread_m[k]),
             count=int(taken.count[k]),
+            sigma_m=float(taken.sigma_m[k]),
         )
 
 

@@ -1,5 +1,6 @@
 """The validated configuration: what a person may write into a cell file or pass with `--set key.path=value`."""
 
+from surfuse.settings.looking_tables import CameraSettings, RangerSettings, SearchSettings
 from surfuse.settings.sections import (
     BUS_PINGS_LIMIT,
     NO_BUS,
@@ -7,16 +8,13 @@ from surfuse.settings.sections import (
     ArmSettings,
     ArraySettings,
     BusSettings,
-    CameraSettings,
     Fraction,
     FusionSettings,
     KitSettings,
     Length,
     Plain,
-    RangerSettings,
     ScanSettings,
     SceneSettings,
-    SearchSettings,
     Section,
     Settings,
     TableSettings,

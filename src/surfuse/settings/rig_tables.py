@@ -38,7 +38,10 @@ class SensorSettings(RigTable):
     """One sensor on the tool: what drives it, where it sits, and what is known of it."""
 
     name: str = Field(min_length=1, max_length=64, description="any identifier; it names the sensor in log and map")
-    driver: str = Field("bridge", description="plug-in that reads it: bridge, tfmini, maxbotix, iio, ...")
+    driver: str = Field(
+        "bridge",
+        description="what reads it: bridge, node (on the CAN bus), or a plug-in: tfmini, maxbotix, iio, ...",
+    )
     kind: Literal["ultrasonic", "laser", "infrared", "tof", "touch"] | None = Field(
         None, description="ultrasonic, laser, infrared, tof or touch; default: the driver's"
     )

@@ -20,6 +20,7 @@ from surfuse.errors import ConfigError, nearest
 from surfuse.geometry.sensor_array import step_m as array_step_m
 from surfuse.runs.configuration import RUN_TABLE, read_configuration
 from surfuse.runs.toml_file import parse_toml
+from surfuse.settings.looking_tables import CameraSettings, RangerSettings, SearchSettings
 from surfuse.settings.rig_tables import AreaSettings, SensorSettings, Value, own_keys
 
 _SHOWN = 80  # characters of a wrong value that a message repeats
@@ -113,7 +114,7 @@ class ArmSettings(Section):
     @field_validator("driver")
     @classmethod
     def _is_a_driver(cls, driver: str | None) -> str | None:
-        known = {*SIMULATED_DRIVERS, *(name for name in registry.names("arms") if name != "recorded")}
+        known = {*SIMULATED_DRIVERS, *registry.names("arms")}
         if driver is not None and driver not in known:
             raise ConfigError(f"arm.driver = '{driver}'", cure=nearest(driver, known))
         return driver
@@ -136,46 +137,6 @@ class ArmSettings(Section):
     def is_real(self) -> bool:
         """Whether the driver is that of a real rig."""
         return self.driver is not None and self.driver not in SIMULATED_DRIVERS
-
-
-class CameraSettings(Section):
-    """The camera on the shoulder; it turns with joint 1 and looks outward. `surfuse calibrate` writes this section."""
-
-    width_px: int = Field(500, ge=64, le=10000, description="columns of the picture")
-    height_px: int = Field(582, ge=64, le=10000, description="rows of the picture")
-    fx_px: float = Field(520.0, gt=0.0, description="focal length in widths of a pixel")
-    fy_px: float = Field(760.0, gt=0.0, description="focal length in heights of a pixel, which need not be square")
-    cx_px: float | None = Field(None, ge=0.0, le=10000.0, description="principal point; default: middle of the picture")
-    cy_px: float | None = Field(None, ge=0.0, le=10000.0, description="the same, from the top")
-    distortion: tuple[float, float, float, float, float] = Field(
-        (0.0, 0.0, 0.0, 0.0, 0.0), strict=False, description="k1, k2, p1, p2, k3 of OpenCV's lens model"
-    )
-    height_m: float = Field(1.30, gt=0.0, le=5.0, description="height of the optical centre above the floor")
-    forward_m: float = Field(0.10, ge=-1.0, le=1.0, description="distance of the optical centre from the first axis")
-    left_m: float = Field(0.0, ge=-1.0, le=1.0, description="its offset to the left of the outward direction")
-    yaw_deg: float = Field(0.0, ge=-90.0, le=90.0, description="turn to the left")
-    pitch_deg: float = Field(0.0, ge=-60.0, le=60.0, description="tilt downwards")
-    roll_deg: float = Field(0.0, ge=-90.0, le=90.0, description="turn about the optical axis, clockwise as it looks")
-    noise_levels: float = Field(2.0, ge=0.0, le=64.0, description="sensor noise, standard deviation in grey levels")
-
-
-class RangerSettings(Section):
-    """The ultrasonic ranger on the shoulder, its axis parallel to the camera's."""
-
-    height_m: float = Field(1.20, gt=0.0, le=5.0, description="height of its axis above the floor")
-    forward_m: float = Field(0.10, ge=-1.0, le=1.0, description="distance of its face from the first axis")
-    left_m: float = Field(0.0, ge=-1.0, le=1.0, description="its offset to the left of the outward direction")
-
-
-class SearchSettings(Section):
-    """The search for the part."""
-
-    increment_deg: float = Field(15.0, gt=0.0, le=60.0, description="turn of joint 1 between two pictures")
-    threshold: str = Field("otsu", description="otsu, maximum_entropy, uniform_error or minimum_error")
-    smallest_part_m: float = Field(0.03, gt=0.0, le=1.0, description="what is smaller in the picture is no part")
-    tolerance_px: float = Field(1.5, gt=0.0, le=50.0, description="how far the outline may cut a corner")
-    all_parts: bool = Field(False, description="go on to the end of the turn and show every part")
-    part: int = Field(1, ge=1, le=1000, description="which part is scanned, in order of angle; above 1 all are sought")
 
 
 class ArraySettings(Section):

@@ -10,10 +10,12 @@ from datetime import datetime
 from pathlib import Path
 from subprocess import Popen
 
-from surfuse.commands.acquire.consent import agreed, refuse_unasked
+from surfuse.commands.acquire.clock_told import log_clock
+from surfuse.commands.acquire.consent import agreed, agreed_to_look, refuse_unasked
 from surfuse.commands.acquire.corners import job_with_corners
 from surfuse.commands.acquire.job import Job
-from surfuse.commands.acquire.locating import LocatedPart, finder, locate
+from surfuse.commands.acquire.locating import LocatedPart, finder
+from surfuse.commands.acquire.looking import PlacedPart, look_for_part
 from surfuse.commands.acquire.planning import plan_for, scene_of
 from surfuse.commands.acquire.results import Finished, Scanned, bus_event, finish, outcome_of, statuses
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
@@ -22,16 +24,20 @@ from surfuse.commands.acquire.warm_up import wait_for, warm_up_beside
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.commands.show.observer import UNOBSERVED, ScanObserver
-from surfuse.errors import ConfigError, DataError, DeviceError, InterruptError, SafetyStopError, StorageError
+from surfuse.errors import DataError, DeviceError, InterruptError, SafetyStopError, StorageError
 from surfuse.records import FusionScene, ScanPlan, Sweep
-from surfuse.rig.area import area_of, outline_of
+from surfuse.rig.area import area_of, nothing_to_scan, outline_of
 from surfuse.rig.assembled import assembled
 from surfuse.rig.devices import Rig
+from surfuse.rig.real.recordings import with_whole_log
 from surfuse.runs.configuration import read_configuration, write_configuration
 from surfuse.runs.folder import RunFolder
+from surfuse.runs.log_files import segment_paths
+from surfuse.runs.log_reader import read_log
 from surfuse.runs.log_records import Level, LogEvent
 from surfuse.runs.log_writer import LogWriter
 from surfuse.runs.progress import ScanProgress, read_progress
+from surfuse.runs.recorded_log import is_recorded
 from surfuse.runs.scan_log import few_echoes
 from surfuse.settings import Settings, from_tree
 
@@ -80,6 +86,7 @@ def resume(path: Path, watcher: Watcher, observer: ScanObserver = UNOBSERVED, ye
     run = RunFolder.open(path, need_log=False)
     tables, seed = read_configuration(run.configuration)
     if "source" in tables:
+        _refuse_recording(run)
         raise DataError(
             "this run was fused from a log, there is nothing to resume",
             where=str(path),
@@ -95,6 +102,22 @@ def resume(path: Path, watcher: Watcher, observer: ScanObserver = UNOBSERVED, ye
         rig = assembled(settings)
         with run.lock(), _resumable(run):
             return outcome_of(_acquire(run, Job(settings, rig, method, watcher, observer, yes), warm_up), run, began)
+
+
+def _refuse_recording(run: RunFolder) -> None:
+    """A recording cannot go on where it ended: nobody knows where the other one has moved the arm since.
+
+    Raises
+    ------
+    DataError : the run is one.
+    """
+    if not segment_paths(run.log) or not is_recorded(read_log(run.path)):
+        return
+    raise DataError(
+        "this run is a recording of an arm that somebody else moved, it cannot be resumed",
+        where=str(run.path),
+        cure=f"make its map with 'surfuse fuse {run.path}', or start another one with 'surfuse record'",
+    )
 
 
 def _complete(run: RunFolder) -> Outcome:
@@ -137,14 +160,22 @@ def _noted(log: LogWriter, rig: Rig) -> Iterator[None]:
 
 
 def _from_anywhere(settings: Settings) -> Settings:
-    """The same with the whole paths of mesh and arm files, so that a resume may start in another folder."""
+    """The same with the whole paths of all files and logs, so that a resume may start in another folder."""
     mesh, arm, area = Path(settings.scene.name), settings.arm, settings.area
     scene = {"name": str(mesh.resolve())} if mesh.is_file() else {}
     file = {} if arm.file is None else {"file": str(Path(arm.file).resolve())}
-    changed: dict[str, object] = {"scene": settings.scene.model_copy(update=scene), "arm": arm.model_copy(update=file)}
+    changed: dict[str, object] = {
+        "scene": settings.scene.model_copy(update=scene),
+        "arm": with_whole_log(arm.model_copy(update=file)),
+        "sensor": tuple(with_whole_log(sensor) for sensor in settings.sensor),
+    }
     if area is not None:
         files = {key: str(Path(name).resolve()) for key in ("outline", "mesh") if (name := getattr(area, key))}
         changed["area"] = area.model_copy(update=files)
+    camera, recording = settings.camera, settings.camera.parameters.get("source")
+    if isinstance(recording, str):
+        whole = {**camera.parameters, "source": str(Path(recording).resolve())}
+        changed["camera"] = camera.model_copy(update={"parameters": whole})
     return settings.model_copy(update=changed)
 
 
@@ -159,7 +190,9 @@ def _acquire(run: RunFolder, job: Job, warm_up: Popen[bytes] | None) -> Finished
         scene, plan, done = _begin(progress, job, log)
         with _noted(log, rig):
             agreed(job, plan, min(set(range(len(plan))) - {sweep.stop for sweep in done}, default=len(plan)))
+            log_clock(rig, log)
             walked = walk(job, plan, scene, done, log)
+            log_clock(rig, log)
         if (trouble := bus_event(rig)) is not None:
             log.append_event(trouble)
         complete = walked.complete(plan)
@@ -187,8 +220,8 @@ def _begin(progress: ScanProgress | None, job: Job, log: LogWriter) -> tuple[Fus
     scene = scene_of(rig, settings, outline, plan)
     log.append_scene(scene)
     if part is not None:
-        for found in part.parts:
-            log.append_frame(found.frame)
+        for frame in part.frames:
+            log.append_frame(frame)
         text = f"part found after {part.pictures} pictures"
         log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, "search", text))
     log.append_plan(plan)
@@ -197,7 +230,7 @@ def _begin(progress: ScanProgress | None, job: Job, log: LogWriter) -> tuple[Fus
     return scene, plan, ()
 
 
-def _located(job: Job) -> LocatedPart | None:
+def _located(job: Job) -> LocatedPart | PlacedPart | None:
     """The part that the lookout finds; None where the area to scan is given.
 
     Raises
@@ -207,8 +240,9 @@ def _located(job: Job) -> LocatedPart | None:
     if job.settings.area is not None:
         return None
     if job.rig.lookout is None:
-        raise ConfigError("nothing says where to scan", cure="add an [area] to the cell file")
-    return locate(job.rig, job.settings, job.watcher)
+        raise nothing_to_scan()
+    agreed_to_look(job)
+    return look_for_part(job.rig, job.settings, job.watcher)
 
 
 def _tell(rig: Rig, log: LogWriter, watcher: Watcher, source: str, doubt: str) -> None:

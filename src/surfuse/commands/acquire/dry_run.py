@@ -8,20 +8,20 @@ from pathlib import Path
 import numpy as np
 
 from surfuse.arms.bridge import BridgeArm
-from surfuse.commands.acquire.locating import locate
+from surfuse.commands.acquire.looking import look_for_part, look_from_here
 from surfuse.commands.acquire.planning import plan_for
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
 from surfuse.commands.fuse.methods import create_method
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.durable import write_text
-from surfuse.errors import ConfigError
+from surfuse.errors import DataError
 from surfuse.plan.scan_plan import skipped_by_kind
 from surfuse.records import Outline, ScanPlan, SensorSpec
 from surfuse.report.content import plan_view
 from surfuse.report.markup import Markup, element
 from surfuse.report.plan_drawing import plan_chart
 from surfuse.report.skeleton import stylesheet
-from surfuse.rig.area import outline_of
+from surfuse.rig.area import nothing_to_scan, outline_of
 from surfuse.rig.assembled import assembled
 from surfuse.rig.devices import Rig
 from surfuse.settings import Settings
@@ -96,9 +96,15 @@ def predicted_s(plan: ScanPlan, specs: Sequence[SensorSpec], settings: Settings)
 def _outline(rig: Rig, settings: Settings, watcher: Watcher) -> Outline:
     if settings.area is not None:
         return outline_of(settings.area)
-    if settings.arm.is_real:
-        raise ConfigError("the part is looked for by turning the arm", cure="add an [area], or leave out --dry-run")
-    return locate(rig, settings, watcher).outline
+    if rig.lookout is None:
+        raise nothing_to_scan()
+    if not rig.simulated:
+        try:
+            return look_from_here(rig, settings, watcher).outline
+        except DataError as error:
+            cure = f"{error.cure}; --dry-run moves nothing: guide the arm to where the camera sees the part"
+            raise DataError(error.what, where=error.where, cure=cure) from error
+    return look_for_part(rig, settings, watcher).outline
 
 
 def _reach(rig: Rig) -> str:
@@ -110,4 +116,4 @@ def _reach(rig: Rig) -> str:
 def _collisions(rig: Rig) -> str:
     if rig.motion is not None and rig.motion.clearance is not None:
         return "checked for the arm, the array and the table"
-    return "not checked: the shape of the arm is not known; [area] tallest_m keeps the sensors above the part"
+    return "not checked: the shape of the arm is not known; tallest_m keeps the sensors above the part"

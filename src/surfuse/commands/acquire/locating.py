@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfuse.acquisition.search import FoundPart, SearchParameters, SearchResult, search
+from surfuse.commands.acquire.finding_on_plane import Find, finder_on_plane, in_region
 from surfuse.commands.outcome import Watcher
 from surfuse.errors import ConfigError, DataError, InterruptError
 from surfuse.records import CameraFrame, Detection, Outline, Status
 from surfuse.rig.devices import Lookout, Rig
-from surfuse.rig.mounts import world_from_shoulder
 from surfuse.settings import Settings
 from surfuse.vision.distance import ShoulderRange
 from surfuse.vision.dominant_points import DominantPointParameters
@@ -42,9 +42,19 @@ class LocatedPart:
         """The outline in the part frame, as seen."""
         return self.outlined.outline
 
+    @property
+    def frames(self) -> tuple[CameraFrame, ...]:
+        """The pictures for the log: one a part."""
+        return tuple(found.frame for found in self.parts)
 
-def finder(settings: Settings) -> Callable[[CameraFrame], tuple[Detection, ...]]:
-    """The function that finds parts standing on the table in a picture."""
+
+def finder(settings: Settings) -> Find:
+    """The function that finds the parts in a picture: on the plane of the search, or standing on the ring table."""
+    find = _finder_on_table(settings) if settings.search.plane is None else finder_on_plane(settings)
+    return in_region(find, settings.search.region_px)
+
+
+def _finder_on_table(settings: Settings) -> Find:
     ring = TableRing(
         settings.cell.table_height_m, settings.cell.table_inner_radius_m, settings.cell.table_outer_radius_m
     )
@@ -61,7 +71,7 @@ def lookout_of(rig: Rig) -> Lookout:
     ------
     ConfigError : the rig has no camera on its shoulder.
     """
-    if rig.lookout is None:
+    if not isinstance(rig.lookout, Lookout):
         raise ConfigError("no camera looks for the part", cure="add an [area] to the cell file, or a camera")
     return rig.lookout
 
@@ -74,10 +84,32 @@ def locate(rig: Rig, settings: Settings, watcher: Watcher) -> LocatedPart:
     DataError : no part was seen in a whole turn, or fewer than the one that is asked for.
     InterruptError : the watcher asked to stop; the arm has not moved since.
     """
+    turned = turn_and_look(rig, settings, watcher)
+    found, chosen = turned.found, turned.chosen
+    if found.visited_rad[-1] != chosen.angle_rad:
+        turned.look_again(chosen.angle_rad)  # the ranger sits beside the camera: it must look at this part again
+    return outlined_standing(rig, settings, chosen, turned.pictures, found.parts)
+
+
+@dataclass
+class Turned:
+    """A search that turned joint 1: what was found, the part that is wanted, and how many pictures it took."""
+
+    found: SearchResult
+    chosen: FoundPart
+    pictures: int
+    capture: Callable[[float], CameraFrame]
+
+    def look_again(self, joint1_rad: float) -> None:
+        """One more picture."""
+        self.capture(joint1_rad)
+        self.pictures += 1
+
+
+def turn_and_look(rig: Rig, settings: Settings, watcher: Watcher) -> Turned:
+    """Turn joint 1 until a part is seen, and centre it; see `locate`."""
     lookout = lookout_of(rig)
-    # Beyond half a turn each way the camera would see the same again.
-    lower = max(float(lookout.arm.kinematics.lower_rad[0]), -np.pi)
-    upper = min(float(lookout.arm.kinematics.upper_rad[0]), np.pi)
+    lower, upper = lookout.turn_rad
     increment = np.radians(settings.search.increment_deg)
     watcher.stage("search", int((upper - lower) / increment) + 1)
     pictures = 0
@@ -97,9 +129,7 @@ def locate(rig: Rig, settings: Settings, watcher: Watcher) -> LocatedPart:
     chosen = _wanted(found, settings.search.part)
     if len(found.parts) > 1:
         watcher.warn(f"{len(found.parts)} parts found: {_told(found.parts)}; part {settings.search.part} is scanned")
-    if found.visited_rad[-1] != chosen.angle_rad:
-        capture(chosen.angle_rad)  # the ranger sits beside the camera: it must look at this part again
-    return _outlined(rig, settings, chosen, pictures, found.parts)
+    return Turned(found, chosen, pictures, capture)
 
 
 def _wanted(found: SearchResult, number: int) -> FoundPart:
@@ -130,20 +160,28 @@ def _degrees(angle_rad: float) -> str:
     return f"{math.degrees(angle_rad):.0f}"
 
 
-def _outlined(
+def outlined_standing(
     rig: Rig, settings: Settings, part: FoundPart, pictures: int, parts: tuple[FoundPart, ...]
 ) -> LocatedPart:
-    """Range of the centred part, dominant points, pixels to metres."""
-    rig.begin(RANGE, 0)
-    lookout = lookout_of(rig)
-    echo = lookout.ranger.fire()
-    place = world_from_shoulder(part.angle_rad) @ lookout.shoulder_from_ranger
-    ranged = ShoulderRange(place[:3, 3], place[:3, 2], echo.range_m, lookout.ranger.spec.sigma_m)
+    """Range of the centred part, dominant points, pixels to metres: of a part that stands on the table."""
     outlined = outline_part(
         part.frame,
         part.detection,
         settings.cell.table_height_m,
-        ranged if echo.status == Status.OK else None,
+        _ranged(rig, part.angle_rad),
         DominantPointParameters(tolerance_px=settings.search.tolerance_px),
     )
     return LocatedPart(part.frame, part.detection, outlined, pictures, parts)
+
+
+def _ranged(rig: Rig, joint1_rad: float) -> ShoulderRange | None:
+    """What the shoulder's ranger says; None without one, and without an echo."""
+    rig.begin(RANGE, 0)
+    lookout = lookout_of(rig)
+    if lookout.ranger is None or lookout.shoulder_from_ranger is None:
+        return None
+    echo = lookout.ranger.fire()
+    place = lookout.on_shoulder(joint1_rad, lookout.shoulder_from_ranger)
+    if echo.status != Status.OK:
+        return None
+    return ShoulderRange(place[:3, 3], place[:3, 2], echo.range_m, lookout.ranger.spec.sigma_m)

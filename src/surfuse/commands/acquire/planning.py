@@ -11,6 +11,7 @@ from surfuse.errors import DataError
 from surfuse.geometry.poses import inverse
 from surfuse.motion.obstacles import Floor, Obstacle, RingTable, part_box
 from surfuse.plan.advice import BELOW, way_to_move, where_and_why
+from surfuse.plan.margin import margin_on_plane, scan_area
 from surfuse.plan.pose_plan import pose_plan
 from surfuse.plan.reach import ReachParameters
 from surfuse.plan.scan_plan import PlanParameters, scan_plan, skipped_by_kind
@@ -31,16 +32,16 @@ def plan_for(rig: Rig, settings: Settings, outline: Outline, watcher: Watcher) -
     DataError : not one stop can be visited; the reasons are counted.
     """
     watcher.stage("plan")
-    parameters = PlanParameters(settings.step_m, settings.scan.standoff_m, settings.scan.margin_m)
+    parameters = _parameters(settings, outline)
     if rig.motion is None:
-        plan = _plan_of_poses(rig, outline, parameters)
+        plan = _plan_of_poses(rig, settings, outline, parameters)
     else:
         plan = _plan_of_joints(rig.motion, settings, outline, parameters)
     if len(plan) == 0:
         reasons = "; ".join(f"{count} {kind}" for kind, count in skipped_by_kind(plan)) or "the outline is empty"
         raise DataError(
             f"not one of {len(plan.skipped)} stops can be visited ({reasons})",
-            cure=_how_to_move(plan, rig, settings) or _other_place(settings),
+            cure=_how_to_move(plan, rig, settings) or _other_place(settings, outline),
         )
     for kind, count in skipped_by_kind(plan):
         where = "" if kind == BELOW else f" ({where_and_why(plan.skipped, kind)})"
@@ -50,22 +51,40 @@ def plan_for(rig: Rig, settings: Settings, outline: Outline, watcher: Watcher) -
     return plan
 
 
+def around_table(settings: Settings) -> bool:
+    """Whether the part stands on the ring table, and not in a given area or on a plane of its own."""
+    return settings.area is None and settings.search.plane is None
+
+
+def _parameters(settings: Settings, outline: Outline) -> PlanParameters:
+    """The raster. Only on the ring table is v = 0 an edge that no line may be below.
+
+    A given area is enlarged by nothing but a given margin, an outline by what its uncertainty asks for.
+    """
+    margin_m = settings.scan.margin_m
+    usual = PlanParameters(settings.step_m, settings.scan.standoff_m, margin_m)
+    if around_table(settings):
+        return usual
+    if margin_m is None:
+        margin_m = 0.0 if settings.area is not None else margin_on_plane(outline, settings.step_m)
+    return replace(usual, margin_m=margin_m, lowest_v_m=-np.inf, nearest_turn=True)
+
+
 def _plan_of_joints(motion: JointMotion, settings: Settings, outline: Outline, parameters: PlanParameters) -> ScanPlan:
     start = motion.arm.joint_state().position_rad
     check = None if motion.clearance is None else motion.clearance(obstacles(settings, outline))
     limits = ReachParameters(clearance_min_m=settings.arm.clearance_m)
-    if settings.area is not None:
-        # The area is given, so nothing but a given margin enlarges it, and it may reach below v = 0.
-        parameters = replace(parameters, margin_m=parameters.margin_m or 0.0, lowest_v_m=-np.inf, nearest_turn=True)
     return scan_plan(outline, motion.arm.kinematics, start, check, parameters, limits)
 
 
-def _plan_of_poses(rig: Rig, outline: Outline, parameters: PlanParameters) -> ScanPlan:
+def _plan_of_poses(rig: Rig, settings: Settings, outline: Outline, parameters: PlanParameters) -> ScanPlan:
     assert rig.poses is not None
     grip_from_tool = inverse(rig.tool_from_grip)
     arm = rig.poses
     here = arm.tool_state().world_from_tool @ rig.tool_from_grip
-    check_faces(outline.world_from_part, here)
+    check_faces(outline.world_from_part, here, found=settings.area is None)
+    if parameters.margin_m is None:
+        outline = scan_area(outline, parameters.step_m)
 
     def reachable(world_from_grip: FloatArray) -> BoolArray:
         return arm.reachable(world_from_grip @ grip_from_tool)
@@ -73,15 +92,21 @@ def _plan_of_poses(rig: Rig, outline: Outline, parameters: PlanParameters) -> Sc
     return pose_plan(outline, reachable, here, parameters)
 
 
-def _other_place(settings: Settings) -> str:
+def _other_place(settings: Settings, outline: Outline) -> str:
     if settings.area is not None:
         return "check the frame and the size of [area], the places of the sensors, or change scan.standoff_m"
+    if settings.arm.is_real:
+        place = ", ".join(f"{value:.3f}" for value in outline.world_from_part[:3, 3])
+        return (
+            f"the camera puts the part at ({place}) m: move it into the reach of the arm, check the pose of the camera "
+            "and search.plane, or change scan.standoff_m"
+        )
     return "move the part (scene.radius_m, scene.azimuth_deg) or change scan.standoff_m"
 
 
 def _how_to_move(plan: ScanPlan, rig: Rig, settings: Settings) -> str:
     """Where the arm would reach the whole part; empty where no such place is near, or the part cannot be moved."""
-    if rig.motion is None or rig.motion.clearance is None or settings.area is not None:
+    if rig.motion is None or rig.motion.clearance is None or not around_table(settings):
         return ""
     arm, clearance = rig.motion.arm, rig.motion.clearance
     here, limits = arm.joint_state().position_rad, ReachParameters(clearance_min_m=settings.arm.clearance_m)
@@ -97,8 +122,8 @@ def _how_to_move(plan: ScanPlan, rig: Rig, settings: Settings) -> str:
 
 
 def obstacles(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]:
-    """What stands around the arm: floor, table, and a box around the part; of a real rig with a given area none."""
-    if settings.area is not None:
+    """What stands around the arm: floor, table, and a box around the part; away from the ring table none is known."""
+    if not around_table(settings):
         return ()
     table = settings.cell
     ring = RingTable(table.table_height_m, table.table_inner_radius_m, table.table_outer_radius_m)
@@ -108,9 +133,9 @@ def obstacles(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]:
 def scene_of(rig: Rig, settings: Settings, outline: Outline, plan: ScanPlan) -> FusionScene:
     """What fusion knows: sensors, part frame, the outline as seen, and the table's outer edge as the deepest range.
 
-    Around a given area there is no such edge.
+    Away from the ring table there is no such edge.
     """
-    edge_m = _to_outer_edge(plan, settings.cell.table_outer_radius_m) if settings.area is None else float("inf")
+    edge_m = _to_outer_edge(plan, settings.cell.table_outer_radius_m) if around_table(settings) else float("inf")
     return FusionScene(
         specs=rig.specs,
         world_from_part=outline.world_from_part,

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from surfuse import __version__
 from surfuse.acquisition.recording import OFF_LIMIT_M, RecordingHooks, record
 from surfuse.commands.acquire.acquisition import default_folder
+from surfuse.commands.acquire.clock_told import log_clock
 from surfuse.commands.acquire.corners import with_corners
-from surfuse.commands.fuse.map_of_log import fused, grid_of, opened, require_cells
+from surfuse.commands.acquire.recorded_map import map_of_recording
+from surfuse.commands.acquire.recording_shown import Covered, ShownRecording, Tally
 from surfuse.commands.fuse.methods import create_method
-from surfuse.commands.maps.report import write_report
-from surfuse.commands.outcome import Outcome, Watcher, finite
-from surfuse.errors import ConfigError, DataError, DeviceError, InterruptError, SafetyStopError
-from surfuse.exporters import nc
-from surfuse.interfaces import FusionMethod
-from surfuse.records import FusionResult, FusionScene, Gap, SurfaceMap, Sweep
+from surfuse.commands.outcome import Outcome, Watcher
+from surfuse.commands.show.observer import UNOBSERVED, ScanObserver
+from surfuse.errors import ConfigError, DeviceError, InterruptError, SafetyStopError, UsageError
+from surfuse.geometry.poses import inverse
+from surfuse.records import FusionScene, Sweep
 from surfuse.rig.area import outline_of
 from surfuse.rig.assembled import assembled
 from surfuse.rig.devices import Rig
@@ -33,26 +33,13 @@ from surfuse.runs.log_files import segment_paths
 from surfuse.runs.log_records import Level, LogEvent
 from surfuse.runs.log_writer import LogWriter
 from surfuse.runs.recorded_log import RECORDED
-from surfuse.runs.scan_log import ScanLog
-from surfuse.runs.scan_source import LogSource
 from surfuse.settings import Settings
+
+MOST_MINUTES = 1e5
+"""Of a recording; more than two months are meant otherwise."""
 
 NOT_YET = np.eye(4)
 """Part frame of the scene of a recording without an area: its readings give one when they are fused."""
-
-
-@dataclass
-class Tally:
-    """What a recording has so far: sweeps kept and left out, the most that one left out may have been off (m)."""
-
-    began_s: float
-    sweeps: int = 0
-    left_out: int = 0
-    most_off_m: float = 0.0
-
-    def rate_hz(self) -> float:
-        """Sweeps a second since it began."""
-        return self.sweeps / max(time.monotonic() - self.began_s, 1e-3)
 
 
 def record_run(
@@ -61,15 +48,20 @@ def record_run(
     watcher: Watcher,
     minutes: float | None = None,
     show: Callable[[Tally], None] = lambda tally: None,
+    observer: ScanObserver = UNOBSERVED,
 ) -> Outcome:
     """Record until the watcher wants a stop, or `minutes` have passed; then fuse. `show` is called after each sweep.
+
+    The observer looks on.
 
     Raises
     ------
     ConfigError : the cell is no real rig.
+    UsageError : `minutes` are no time.
     SurfuseError : with the exit status of its kind; whatever was recorded before is on disk.
     """
     began = time.perf_counter()
+    _check_minutes(minutes)
     if not settings.arm.is_real:
         raise ConfigError(
             "nobody moves the arm of the simulated cell but surfuse",
@@ -77,12 +69,27 @@ def record_run(
         )
     watcher.stage("start")
     method = create_method(settings.fusion)
-    rig = assembled(settings)
+    rig = replace(assembled(settings), lookout=None)  # nothing is looked for, and a camera would be opened in vain
     run = RunFolder.create(out or default_folder("recorded"))
     with run.lock(), _kept(run):
         _write_settings(run, settings)
-        tally = _record(run, rig, settings, watcher, minutes, show)
-        return _map(run, method, watcher, tally, began)
+        shown = partial(ShownRecording, observer, method=method.name)
+        tally = _record(run, rig, settings, _Lookers(watcher, minutes, show, shown))
+        done = map_of_recording(run, method, (watcher, observer), tally, rig.stamps())
+    wall_s = time.perf_counter() - began
+    return replace(done, summary={**done.summary, "wall_time_s": wall_s}, table=[*done.table, _wall(wall_s)])
+
+
+def _wall(wall_s: float) -> tuple[str, str]:
+    return "wall time", f"{wall_s:.1f} s"
+
+
+def _check_minutes(minutes: float | None) -> None:
+    if minutes is not None and not 0.0 < minutes <= MOST_MINUTES:
+        raise UsageError(
+            f"--minutes {minutes:g}, it must be above 0 and at most {MOST_MINUTES:g}",
+            cure="leave it out to record until Ctrl-C",
+        )
 
 
 def _write_settings(run: RunFolder, settings: Settings) -> None:
@@ -105,26 +112,34 @@ def _kept(run: RunFolder) -> Iterator[None]:
         raise type(error)(error.what, cure=f"{error.cure}; {cure}".removeprefix("; "), where=error.where) from error
 
 
-def _record(
-    run: RunFolder,
-    rig: Rig,
-    settings: Settings,
-    watcher: Watcher,
-    minutes: float | None,
-    show: Callable[[Tally], None],
-) -> Tally:
+@dataclass(frozen=True)
+class _Lookers:
+    """Who is told of a recording, and who ends it; `shown` makes what tells an observer."""
+
+    watcher: Watcher
+    minutes: float | None
+    show: Callable[[Tally], None]
+    shown: Callable[[Settings, FusionScene], ShownRecording]
+
+
+def _record(run: RunFolder, rig: Rig, settings: Settings, lookers: _Lookers) -> Tally:
     """All sweeps, in the log; what the recording has."""
+    watcher = lookers.watcher
     with rig.guided(), rig.opened(), LogWriter(run.log) as log:
         shown = with_corners(settings, rig, watcher)
         if shown is not settings:
             settings = shown
             _write_settings(run, settings)
-        log.append_scene(_scene(rig, settings))
+        scene = _scene(rig, settings)
+        log.append_scene(scene)
         log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, RECORDED, "somebody else moves the arm"))
-        tally = Tally(time.monotonic())
+        log_clock(rig, log)
+        tally = Tally(time.monotonic(), _covered(rig, settings, scene))
         watcher.stage("record")
         try:
-            record(rig.stop_arm, rig.array, _lags(settings), _hooks(log, tally, watcher, minutes, show))
+            hooks = _hooks(log, tally, lookers, lookers.shown(settings, scene))
+            record(rig.stop_arm, rig.array, _lags(settings), hooks, _stamps_off_s(rig))
+            log_clock(rig, log)
         except (SafetyStopError, DeviceError) as error:
             log.append_event(LogEvent(rig.clock.now_s(), Level.ERROR, "device", error.what))
             raise
@@ -134,14 +149,34 @@ def _record(
     return tally
 
 
-def _hooks(
-    log: LogWriter, tally: Tally, watcher: Watcher, minutes: float | None, show: Callable[[Tally], None]
-) -> RecordingHooks:
+def _covered(rig: Rig, settings: Settings, scene: FusionScene) -> Covered:
+    frame = None if scene.outline is None else inverse(scene.world_from_part)
+    return Covered(rig.specs, settings.step_m, frame)
+
+
+def _stamps_off_s(rig: Rig) -> Callable[[], tuple[float, ...]] | None:
+    """How far stamps may now be off the arm's clock; None for a rig of one clock."""
+    if rig.stamps() is None:
+        return None
+
+    def off_s() -> tuple[float, ...]:
+        stamps = rig.stamps()
+        assert stamps is not None
+        return stamps.off_s
+
+    return off_s
+
+
+def _hooks(log: LogWriter, tally: Tally, lookers: _Lookers, shown: ShownRecording) -> RecordingHooks:
+    watcher, minutes = lookers.watcher, lookers.minutes
+
     def keep(sweep: Sweep) -> None:
         log.append_sweep(sweep)
         tally.sweeps += 1
+        tally.covered.take(sweep)
         watcher.advance()
-        show(tally)
+        lookers.show(tally)
+        shown.take(sweep)
 
     def leave_out(off_m: float) -> None:
         tally.left_out += 1
@@ -176,51 +211,3 @@ def _left_out(tally: Tally) -> str | None:
         f"a sensor looks at may be off by up to {1e3 * tally.most_off_m:.0f} mm, at most {1e3 * OFF_LIMIT_M:g} mm; "
         "move more slowly, or let the bridge tell its state faster"
     )
-
-
-def _map(run: RunFolder, method: FusionMethod, watcher: Watcher, tally: Tally, began: float) -> Outcome:
-    """Fuse what is on disk, as 'surfuse fuse' would."""
-    if tally.sweeps == 0:
-        raise DataError(
-            f"no sweep was recorded ({tally.left_out} left out)",
-            where=str(run.path),
-            cure="record longer; the place of a reading is known once the arm has told its state after it",
-        )
-    watcher.stage("fuse")
-    scan = opened(LogSource(run.path), watcher)
-    grid = grid_of(scan)
-    result, surface = fused(scan, method, grid)
-    require_cells(surface, str(run.path))
-    nc.write(run.surface, surface, points=result.points)
-    data = _summary(scan, result, surface, tally)
-    run.write_text(run.summary, json.dumps(finite(data), indent=2) + "\n")
-    watcher.stage("report")
-    write_report(run, run.report)
-    wall_s = time.perf_counter() - began
-    rows = [
-        ("readings", f"{data['readings']} in {data['stops']} sweeps, {tally.left_out} left out"),
-        ("cells", f"{data['cells']} with a value, median sigma {data['median_sigma_mm']:.2f} mm"),
-        ("wall time", f"{wall_s:.1f} s"),
-        ("map", str(run.surface)),
-        ("report", str(run.report)),
-    ]
-    files = {"run": str(run.path), "map": str(run.surface), "report": str(run.report)}
-    return Outcome({**files, **data, "wall_time_s": wall_s}, rows)
-
-
-def _summary(scan: ScanLog, result: FusionResult, surface: SurfaceMap, tally: Tally) -> dict[str, object]:
-    duration_s = float(np.ptp(scan.readings.t_s))
-    return {
-        "surfuse": __version__,
-        "method": surface.method,
-        "readings": len(scan.readings.t_s),
-        "stops": scan.readings.n_sweeps,
-        "left_out": tally.left_out,
-        "rate_hz": tally.sweeps / max(duration_s, 1e-3),
-        "robot_time_s": duration_s,
-        "gaps": int((result.points.gap != int(Gap.NONE)).sum()),
-        "cells": int(surface.mask.sum()),
-        "median_sigma_mm": 1e3 * float(np.median(surface.sigma_m[surface.mask])),
-        "frame_estimated": scan.frame_estimated,
-        "warnings": list(scan.warnings),
-    }

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from surfuse import __version__
+from surfuse.commands.acquire.clock_told import clock_data, clock_rows
 from surfuse.commands.acquire.job import Job
 from surfuse.commands.acquire.settings_check import doubts
 from surfuse.commands.fuse.map_of_result import surface_of
@@ -97,6 +98,7 @@ def finish(run: RunFolder, job: Job, scanned: Scanned) -> Finished:
         *_margin_row(job.settings, scanned.scene, plan),
         ("gaps", f"{gaps} stops without a value"),
         ("robot time", f"{data['robot_time_s']:.0f} s"),
+        *clock_rows(job.rig.stamps()),
     ]
     _write(run, job, data)
     if not surface.mask.any():
@@ -124,6 +126,7 @@ def _counted(job: Job, scanned: Scanned) -> dict[str, object]:
         "outline_sigma_mm": None if outline is None else 1e3 * float(outline.sigma_m.max()),
         "robot_time_s": rig.clock.now_s() if rig.simulated else _duration_s(scanned.sweeps),
         "bus": None if rig.counters is None else asdict(rig.counters()),
+        **clock_data(rig.stamps()),
     }
 
 
@@ -149,6 +152,9 @@ def statuses(sweeps: Sequence[Sweep]) -> IntArray:
 def _margin_row(settings: Settings, scene: FusionScene, plan: ScanPlan) -> list[tuple[str, str]]:
     if scene.outline is None or settings.area is not None:
         return []
+    if settings.search.plane is not None:
+        given = "as configured" if settings.scan.margin_m is not None else "asked for by the outline's uncertainty"
+        return [("margin", f"{1e3 * plan.outline.margin_m:.1f} mm, {given}")]
     return [("margin", margin_in_words(scene.outline, plan.outline.margin_m, settings.scan.margin_m is not None))]
 
 

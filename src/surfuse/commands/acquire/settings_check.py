@@ -60,11 +60,12 @@ def doubts(settings: Settings, specs: Sequence[SensorSpec], plan: ScanPlan) -> t
 
 def _tallest(settings: Settings) -> list[str]:
     """Of a real rig: what stands in the way of the sensors where they travel."""
-    tallest_m = None if settings.area is None else settings.area.tallest_m
+    area = settings.area
+    name, tallest_m = ("search", settings.search.tallest_m) if area is None else ("area", area.tallest_m)
     if tallest_m is None or tallest_m < settings.scan.standoff_m - _ROOM_M:
         return []
     return [
-        f"area.tallest_m = {tallest_m:g} leaves {1e3 * (settings.scan.standoff_m - tallest_m):.0f} mm to the sensors "
+        f"{name}.tallest_m = {tallest_m:g} leaves {1e3 * (settings.scan.standoff_m - tallest_m):.0f} mm to the sensors "
         f"at scan.standoff_m = {settings.scan.standoff_m:g}: give a standoff above {tallest_m + _ROOM_M:.2f}"
     ]
 

@@ -99,7 +99,8 @@ def refuse_empty(walked: Walked) -> None:
         reason = walked.unreachable[max(walked.unreachable)]
         raise UnreachableError(
             f"the arm refused all {len(walked.unreachable)} stops, the last because {reason}",
-            cure="check origin_m, u and v of [area], the places of the sensors and scan.standoff_m",
+            cure="check origin_m, u and v of [area], or the pose of the camera, the places of the sensors and "
+            "scan.standoff_m",
         )
 
 

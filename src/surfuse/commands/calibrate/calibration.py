@@ -59,7 +59,7 @@ def camera_from_pictures(
     """
     if not images:
         raise UsageError("no pictures", cure="give the files of at least 5 pictures of the board")
-    _check_output(out, force)
+    check_output(out, force)
     pictures = [read_picture(image) for image in images]
     size_px = _common_size(pictures, images)
     seen = tuple(look_for(target, picture, path.name) for picture, path in zip(pictures, images, strict=True))
@@ -88,11 +88,11 @@ def shoulder_from_views(
     DataError : a table or picture that cannot be used, or views that do not determine the place.
     StorageError : `out` exists and `force` is not given.
     """
-    _check_output(out, force)
+    check_output(out, force)
     settings = load(camera_file)
     camera = camera_model(settings)
     angle_views = read_views(views)
-    seen = [_look(target, angle_view, camera) for angle_view in angle_views]
+    seen = [look(target, angle_view.image, camera) for angle_view in angle_views]
     used = [
         (angle_view, view) for angle_view, view in zip(angle_views, seen, strict=True) if isinstance(view, TargetView)
     ]
@@ -165,15 +165,21 @@ def _angle_view(row: dict[str, str], path: Path, line: int) -> AngleView:
     return AngleView(path.parent / image, math.radians(angle), number("range_m"))
 
 
-def _look(target: Target, angle_view: AngleView, camera: CameraModel) -> TargetView | NotSeen:
-    picture = read_picture(angle_view.image)
+def look(target: Target, image: Path, camera: CameraModel) -> TargetView | NotSeen:
+    """Look for the target in a picture of the camera.
+
+    Raises
+    ------
+    DataError : no picture, or one of another size.
+    """
+    picture = read_picture(image)
     if picture.shape != (camera.height_px, camera.width_px):
         raise DataError(
             f"{picture.shape[1]} x {picture.shape[0]} pixels, the camera has {camera.width_px} x {camera.height_px}",
             cure="give the camera's own file with --camera",
-            where=str(angle_view.image),
+            where=str(image),
         )
-    return look_for(target, picture, angle_view.image.name)
+    return look_for(target, picture, image.name)
 
 
 def _ranger(angle_views: tuple[AngleView, ...], found: ShoulderCamera, height_m: float) -> ShoulderRanger | None:
@@ -185,7 +191,13 @@ def _ranger(angle_views: tuple[AngleView, ...], found: ShoulderCamera, height_m:
     return calibrate_shoulder_ranger(found.world_from_target, angles, ranges, height_m)
 
 
-def _check_output(out: Path, force: bool) -> None:
+def check_output(out: Path, force: bool) -> None:
+    """Refuse an output that is no TOML file, or that is there already.
+
+    Raises
+    ------
+    UsageError, StorageError : which of them.
+    """
     if out.suffix.lower() != ".toml":
         raise UsageError(f"output file '{out}'", cure="give a name that ends in .toml")
     refuse_existing(out, force)

@@ -31,7 +31,8 @@ class ShoulderResult:
     left_out: tuple[NotSeen, ...]
 
 
-def _camera_lines(camera: CameraModel) -> list[str]:
+def camera_lines(camera: CameraModel) -> list[str]:
+    """Lens and pixels as lines of a [camera] table."""
     numbers = ", ".join(f"{value:.8f}" for value in camera.distortion)
     return [
         f"width_px = {camera.width_px}",
@@ -53,7 +54,7 @@ def camera_toml(found: CameraCalibration, target: Target) -> str:
             f"# Standard deviations: fx {sigma.fx_px:.3f}, fy {sigma.fy_px:.3f}, cx {sigma.cx_px:.3f}, "
             f"cy {sigma.cy_px:.3f} px; distortion {deviations}.",
             "[camera]",
-            *_camera_lines(found.camera),
+            *camera_lines(found.camera),
             "",
         ]
     )
@@ -116,7 +117,8 @@ def shoulder_toml(result: ShoulderResult, camera: CameraModel, noise_levels: flo
         f"# Reprojection error {found.reprojection_px:.3f} px. Standard deviations along and about x, y, z:",
         f"# {place} mm; {turn} degrees.",
         "[camera]",
-        *_camera_lines(camera),
+        'mounted = "shoulder"',
+        *camera_lines(camera),
         f"noise_levels = {noise_levels}",
         f"forward_m = {mount.forward_m:.6f}",
         f"left_m = {mount.left_m:.6f}",

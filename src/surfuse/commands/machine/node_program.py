@@ -32,6 +32,7 @@ DEFAULT_BUS = "udp_multicast"
 PINGS = 5
 _UID_LIMIT = 65_536
 _SESSIONS = 256
+_DRIVER_KEYS = ("driver", "plugin")  # the second is what version 0.1.0 calls it
 
 
 @dataclass(frozen=True)
@@ -138,12 +139,14 @@ def read_node_file(file: Path | None, options: Mapping[str, object]) -> NodeFile
 
 
 def _sensor_entry(entry: object, where: str) -> tuple[str, Mapping[str, object]]:
-    if not isinstance(entry, dict) or not isinstance(entry.get("plugin"), str):
-        raise ConfigError("a [[sensor]] without plugin", cure="write plugin = 'tfmini', for example", where=where)
-    name, names = entry["plugin"], registry.names("sensors")
+    said = [key for key in _DRIVER_KEYS if isinstance(entry, dict) and isinstance(entry.get(key), str)]
+    if not isinstance(entry, dict) or len(said) != 1:
+        found = "both driver and plugin" if said else "no driver"
+        raise ConfigError(f"a [[sensor]] with {found}", cure="write driver = 'tfmini', for example", where=where)
+    name, names = entry[said[0]], registry.names("sensors")
     if name not in names:
-        raise ConfigError(f"unknown sensor plug-in '{name}'", cure=nearest(name, names), where=where)
-    values = {key: value for key, value in entry.items() if key != "plugin"}
+        raise ConfigError(f"unknown driver '{name}'", cure=nearest(name, names), where=where)
+    values = {key: value for key, value in entry.items() if key not in _DRIVER_KEYS}
     _own(name, values, where)
     return name, values
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+import numpy as np
 import viser
 
 from surfuse.commands.show.map_so_far import MapSoFar, WorkShare
@@ -96,7 +97,7 @@ class LiveView:
 
     def _run(self) -> None:
         try:
-            waiting = self.server.gui.add_html('<div style="padding:0 0.9em">looking for the part</div>')
+            waiting = self.server.gui.add_html('<div style="padding:0 0.9em">the scan has not begun yet</div>')
             drawer: _Drawer | None = None
             while not self._ended.wait(TICK_S):
                 while not self._inbox.empty():
@@ -122,6 +123,7 @@ class _Drawer:
         self._drawn_s, self._first_s, self._last_s, self._came = 0.0, math.inf, 0.0, 0
         self._count, self._mapped, self._final = 0, 0, False
         self._preview_s = FIRST_PREVIEW_S
+        self._covered = ""
         for sweep in scan.done:
             self._keep(sweep)
 
@@ -133,7 +135,7 @@ class _Drawer:
             self._keep(told.sweep)
             return
         self._final = True
-        self._scene.show_map(told)
+        self._show(told)
         self._scene.playback.extend(self._count - 1)
         self._scene.playback.end()
         self._scene.tell(self._status())
@@ -158,19 +160,33 @@ class _Drawer:
             self._mapped = self._count
             preview = self._map.can_preview() and self._mapping.allows(self._preview_s)
             if (surface := self._map.surface(preview)) is not None:
-                self._scene.show_map(surface)
+                self._show(surface)
             spent_s = time.thread_time() - began_s
             self._mapping.spend(spent_s)
             if preview:
                 self._preview_s = spent_s
 
+    def _show(self, surface: SurfaceMap) -> None:
+        self._covered = _covered_in_words(surface)
+        self._scene.show_map(surface)
+
     def _status(self) -> str:
         total = len(self._scan.plan)
-        if self._final:
+        if self._scan.by_hand:
+            words = (
+                f"<b>{'done' if self._final else 'recording'}</b>: {self._count} sweeps{self._rate()}{self._covered}"
+            )
+        elif self._final:
             words = f"<b>done</b>: {self._count} of {total} stops"
         else:
             words = f"<b>{self._count} of {total} stops</b>{self._left(total)}"
         return f'<div style="padding:0 0.9em 0.5em 0.9em">{words}<br>look only: nothing here moves the arm</div>'
+
+    def _rate(self) -> str:
+        """Sweeps a second so far."""
+        if self._came < 3 or self._last_s <= self._first_s:
+            return ""
+        return f", {(self._came - 1) / (self._last_s - self._first_s):.0f} a second"
 
     def _left(self, total: int) -> str:
         """The time left, from the pace so far."""
@@ -179,6 +195,17 @@ class _Drawer:
         left_s = (self._last_s - self._first_s) / (self._came - 1) * max(total - self._count, 0)
         minutes, seconds = divmod(round(left_s), 60)
         return f", {minutes} min {seconds:02d} s left" if minutes else f", {seconds} s left"
+
+
+def _covered_in_words(surface: SurfaceMap) -> str:
+    """Cells with a value, their area, their median sigma."""
+    cells = int(surface.mask.sum())
+    if cells == 0:
+        return ""
+    grid = surface.grid
+    steps_m = [float(np.median(np.diff(axis))) if len(axis) > 1 else 0.0 for axis in (grid.u_m, grid.v_m)]
+    sigma_mm = 1e3 * float(np.median(surface.sigma_m[surface.mask]))
+    return f", {cells} cells ({1e4 * cells * steps_m[0] * steps_m[1]:.0f} cm2), median sigma {sigma_mm:.2g} mm"
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import numpy as np
 
 from surfuse.commands.show.observer import PlannedScan
 from surfuse.interfaces import LiveMapping
-from surfuse.records import FusedPoints, SurfaceMap, Sweep, stacked_points
+from surfuse.records import FusedPoints, MapGrid, SurfaceMap, Sweep, stacked_points
 from surfuse.surface.gridding import grid_points, lattice
 
 
@@ -50,7 +50,7 @@ class MapSoFar:
         self._method = self.scan.fresh_method()
         self._state = self._method.start(self.scan.scene)
         self._own: SurfaceMap | None = None
-        self._grid = lattice(self.scan.plan.uv_m, self.scan.scene.world_from_part)
+        self._grid = _given_grid(self.scan)
 
     def take(self, sweep: Sweep) -> None:
         """One sweep more; the work is done when the map is wanted."""
@@ -58,19 +58,38 @@ class MapSoFar:
 
     def can_preview(self) -> bool:
         """Whether the method can show its own map, without compiling anything for it."""
-        return isinstance(self._method, LiveMapping) and self.scan.may_preview()
+        return self._grid is not None and isinstance(self._method, LiveMapping) and self.scan.may_preview()
 
     def surface(self, preview: bool) -> SurfaceMap | None:
-        """The map now, None before the first sweep; with the method's own map brought up to now if `preview`."""
+        """The map now, None before the first fused point; with the method's own map brought up to now if `preview`."""
         self._points += [self._method.step(self._state, sweep) for sweep in self._waiting]
         self._waiting.clear()
         if not self._points:
             return None
         self._points = [stacked_points(self._points)]
-        plain = grid_points(self._points[0], self._grid, self._method.name, self.scan.scene.outline)
+        grid = self._grid or _seen_grid(self.scan, self._points[0])
+        if grid is None:
+            return None
+        plain = grid_points(self._points[0], grid, self._method.name, self.scan.scene.outline)
         if preview and isinstance(self._method, LiveMapping):
-            self._own = self._method.preview(self._state, self._grid)
+            self._own = self._method.preview(self._state, grid)
         return plain if self._own is None else filled(self._own, plain)
+
+
+def _given_grid(scan: PlannedScan) -> MapGrid | None:
+    """The grid of the planned stops, or of the area; None where nobody said what will be seen."""
+    frame, outline = scan.scene.world_from_part, scan.scene.outline
+    if not scan.by_hand:
+        return lattice(scan.plan.uv_m, frame)
+    return None if outline is None else lattice(outline.vertices_m, frame, scan.plan.step_m)
+
+
+def _seen_grid(scan: PlannedScan, points: FusedPoints) -> MapGrid | None:
+    """The grid of what was seen so far; None before there is anything."""
+    places = points.point_m[:, :2]
+    if not np.isfinite(places).all(axis=1).any():
+        return None
+    return lattice(places, scan.scene.world_from_part, scan.plan.step_m)
 
 
 def filled(first: SurfaceMap, second: SurfaceMap) -> SurfaceMap:

@@ -17,7 +17,8 @@ class PlannedScan:
     `scene` is what fusion knows, `plan` the stops to visit, `done` the sweeps of an earlier part of the same scan.
     `fresh_method` makes the fusion method anew: an observer that fuses shares nothing with the scan. `may_preview` says
     whether the method's preview costs no compiling now, which would hold up the scan. `link_poses` maps joints (N, J)
-    to poses (N, L, 4, 4) of the arm's links (None: the shape of the arm is not known).
+    to poses (N, L, 4, 4) of the arm's links (None: the shape of the arm is not known). `by_hand`: somebody else moves
+    the arm, so that `plan` has no stops, only an outline (without an area: of what was seen first) and the map's step.
     """
 
     scene: FusionScene
@@ -26,6 +27,7 @@ class PlannedScan:
     fresh_method: Callable[[], FusionMethod]
     may_preview: Callable[[], bool]
     link_poses: Callable[[FloatArray], FloatArray] | None = None
+    by_hand: bool = False
 
 
 class ScanObserver(Protocol):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,10 +20,16 @@ from surfuse.motion.arm_surroundings import ArmSurroundings
 from surfuse.motion.planners import slowed
 from surfuse.records import FloatArray
 from surfuse.rig.described_sensors import places
-from surfuse.rig.devices import JointMotion, Rig
+from surfuse.rig.devices import JointMotion, Rig, Stamps
+from surfuse.rig.real.camera import real_lookout
 from surfuse.rig.real.joint_bridge import JointBridgeArm
+from surfuse.rig.real.recordings import Recordings
 from surfuse.rig.real.sensors import array_of
+from surfuse.rig.real.sources import BRIDGE
 from surfuse.settings import Settings
+
+if TYPE_CHECKING:
+    from surfuse.arm_models.model_file import ModelFileArm
 
 _SHARED = {"speed_share", "settle_s"}
 
@@ -34,20 +41,54 @@ def real_rig(settings: Settings) -> Rig:
     ------
     UsageError, ConfigError, DataError : a driver, a sensor, or the arm's file cannot be used as described.
     """
-    bridge = _bridge(settings)
-    clock: Clock = MACHINE_CLOCK if bridge is None else BridgeClock(bridge)
-    array = array_of(settings.sensor, bridge, clock)
+    bridge, recordings = _bridge(settings), Recordings(settings.arm.parameters)
+    clock = _clock(settings, bridge, recordings)
+    array = array_of(settings, bridge, clock, recordings)
     grip = tool_from_grip(*places(settings.sensor))
-    joints = _joint_arm(settings, grip, bridge, clock)
+    joints = _joint_arm(settings, grip, bridge, clock, recordings)
+
+    def begin(stage: str, index: int) -> None:
+        recordings.begin(stage, index)
+        if bridge is not None:
+            # The conversation is asked for when it is needed: the bridge opens later.
+            bridge.client.begin(stage, index)
+
     rig = (
-        Rig(clock=clock, array=array, motion=JointMotion(joints))
+        Rig(clock=clock, array=array, motion=_joint_motion(joints), begin=begin)
         if joints is not None
-        else Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge, clock), tool_from_grip=grip)
+        else Rig(
+            clock=clock,
+            array=array,
+            poses=_pose_arm(settings, bridge, clock, recordings, grip),
+            tool_from_grip=grip,
+            begin=begin,
+        )
     )
+    rig = replace(rig, lookout=real_lookout(settings, rig, bridge, clock, recordings))
+    rig = replace(rig, counters=(lambda: array.counters) if array.has_bus else None)
     if bridge is None:
         return rig
-    # The conversation is asked for when it is needed: the bridge opens later.
-    return replace(rig, begin=lambda stage, index: bridge.client.begin(stage, index), guide=bridge.guide)
+    return replace(rig, guide=bridge.guide, stamps=lambda: _stamps(settings, bridge))
+
+
+def _clock(settings: Settings, bridge: SharedBridge | None, recordings: Recordings) -> Clock:
+    """The clock to which all stamps are brought: that of what says where the arm is, else this machine's."""
+    if settings.arm.driver == Recordings.DRIVER:
+        return recordings.clock
+    return MACHINE_CLOCK if bridge is None else BridgeClock(bridge)
+
+
+def _stamps(settings: Settings, bridge: SharedBridge) -> Stamps:
+    """How well the sensors' stamps belong to the bridge's clock now."""
+    names = tuple(sensor.name for sensor in settings.sensor)
+    return Stamps(bridge.clock, names, tuple(sensor.name for sensor in settings.sensor if sensor.driver != BRIDGE))
+
+
+def _joint_motion(joints: Arm) -> JointMotion:
+    # Whether an arm behind a bridge has moved while the array fired is only known by asking.
+    if isinstance(joints, JointBridgeArm):
+        return JointMotion(joints, look_again=joints.joint_state)
+    return JointMotion(joints)
 
 
 def _bridge(settings: Settings) -> SharedBridge | None:
@@ -71,10 +112,14 @@ def _table(settings: Settings, parameters: type) -> dict[str, object]:
     return {**{name: getattr(settings.arm, name) for name in given}, **settings.arm.parameters}
 
 
-def _pose_arm(settings: Settings, bridge: SharedBridge | None, clock: Clock) -> PoseArm:
+def _pose_arm(
+    settings: Settings, bridge: SharedBridge | None, clock: Clock, recordings: Recordings, grip: FloatArray
+) -> PoseArm:
     """An arm that is sent to poses."""
     if bridge is not None:
         return bridge_arm.create(_bridge_parameters(settings, bridge))
+    if settings.arm.driver == Recordings.DRIVER:
+        return recordings.pose_arm(grip)
     name = settings.arm.driver or ""
     module = registry.load("arms", name)
     table = _table(settings, module.Parameters)
@@ -87,25 +132,44 @@ def _pose_arm(settings: Settings, bridge: SharedBridge | None, clock: Clock) -> 
     return made
 
 
-def _joint_arm(settings: Settings, grip: FloatArray, bridge: SharedBridge | None, clock: Clock) -> Arm | None:
+def _joint_arm(
+    settings: Settings, grip: FloatArray, bridge: SharedBridge | None, clock: Clock, recordings: Recordings
+) -> Arm | None:
     """An arm whose joints are commanded, with the model of its file; None without a file."""
     own = settings.arm
     if own.file is None:
         return None
+    model = described_model(settings, grip)
+    name = own.driver or ""
+    if bridge is not None:
+        around = ArmSurroundings(model, slowed(model.limits, own.speed_share), clock)
+        return JointBridgeArm(bridge, around, None if own.speed_share == 1.0 else own.speed_share)
+    if name == Recordings.DRIVER:
+        return recordings.joint_arm(ArmSurroundings(model, model.limits, clock))
+    module = registry.load("arms", name)
+    # All that it shares with every arm, given or not: a resumed run, whose file says all keys, moves as it did before.
+    shared = {field.name: getattr(own, field.name) for field in fields(module.Parameters) if field.name in _SHARED}
+    table = {**shared, **own.parameters}
+    # A driver that knows the share of the speed slows its moves itself.
+    around = ArmSurroundings(model, slowed(model.limits, 1.0 if "speed_share" in shared else own.speed_share), clock)
+    made: Arm = module.create(registry.parameters("arms", name, table, "arm", around))
+    return made
+
+
+def described_model(settings: Settings, tool_from_grip: FloatArray) -> ModelFileArm:
+    """The arm of `arm.file` where the cell file puts it, with the grip at `tool_from_grip` (4, 4) as its tool.
+
+    Raises
+    ------
+    ConfigError, DataError : no tool frame is named, or the file cannot be used.
+    """
+    own = settings.arm
     if own.tool is None:
         raise ConfigError("no tool frame is named", cure="name the site, body or link: [arm] tool = 'flange'")
-    with needed_by("an arm file", own.file):
+    with needed_by("an arm file", own.file or ""):
         from surfuse.arm_models import model_file
     limits = model_file.Parameters(np.radians(own.joint_speed_deg_s), np.radians(own.joint_acceleration_deg_s2))
-    model = model_file.create(Path(own.file), own.tool, _base(settings), grip, limits)
-    surroundings = ArmSurroundings(model, slowed(model.limits, own.speed_share), clock)
-    if bridge is not None:
-        return JointBridgeArm(bridge, surroundings, None if own.speed_share == 1.0 else own.speed_share)
-    name = own.driver or ""
-    made: Arm = registry.load("arms", name).create(
-        registry.parameters("arms", name, own.parameters, "arm", surroundings)
-    )
-    return made
+    return model_file.create(Path(own.file or ""), own.tool, _base(settings), tool_from_grip, limits)
 
 
 def _base(settings: Settings) -> FloatArray:

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Self
 
 from surfuse import registry
-from surfuse.bridge.messages import BridgeReading
 from surfuse.bridge.shared import SharedBridge
 from surfuse.errors import ConfigError, nearest
 from surfuse.geometry.sensor_array import grip_from_sensors
-from surfuse.interfaces import Clock, OpenedTogether, RangeSensor, SensorSurroundings
+from surfuse.interfaces import Clock, OpenedTogether, RangeSensor
+from surfuse.node.counters import BusCounters
 from surfuse.records import Echo, Fixture, SensorSpec, Status
 from surfuse.rig.described_sensors import check_directions, described_spec, places
+from surfuse.rig.real.node_sensors import NodeSensors, nodes_of, summed
+from surfuse.rig.real.recordings import Recordings
+from surfuse.rig.real.sources import BRIDGE, NODE, BridgeSensors, DrivenSensor, SensorSource, driven
 from surfuse.runs.scan_log import AssumedSensor
 from surfuse.sensors.polaroid import within_limits
+from surfuse.settings import Settings
 from surfuse.settings.rig_tables import SensorSettings
-
-BRIDGE = "bridge"
 
 
 def assumed_spec(sensor: SensorSettings) -> SensorSpec:
-    """What is taken for a sensor behind a bridge of which the table does not say it."""
+    """What is taken for a sensor behind a bridge or a node of which the table does not say it."""
     usual = AssumedSensor()
     return SensorSpec(
         sensor.name,
@@ -34,107 +35,73 @@ def assumed_spec(sensor: SensorSettings) -> SensorSpec:
     )
 
 
-def driven(sensor: SensorSettings, clock: Clock) -> RangeSensor:
-    """The driver of a sensor, which knows what its table says of the sensor.
-
-    Raises
-    ------
-    UsageError, ConfigError : no such driver, or its keys are wrong.
-    """
-    where = f"sensor '{sensor.name}'"
-    module = registry.load("sensors", sensor.driver)
-    usual = module.create(registry.parameters("sensors", sensor.driver, sensor.parameters, where)).spec
-    surroundings = SensorSurroundings(clock, described_spec(sensor, usual))
-    made: RangeSensor = module.create(
-        registry.parameters("sensors", sensor.driver, sensor.parameters, where, surroundings)
-    )
-    return made
-
-
 class RealArray(OpenedTogether):
-    """All sensors of a rig: those behind the bridge in one sweep, the others one after the other."""
+    """All sensors of a rig, from any number of sources one after the other; each source fires its own in one sweep."""
 
     def __init__(
-        self, sensors: Sequence[SensorSettings], fixture: Fixture, bridge: SharedBridge | None, clock: Clock
+        self, sensors: Sequence[SensorSettings], fixture: Fixture, sources: Sequence[SensorSource], clock: Clock
     ) -> None:
-        self._sensors, self._fixture, self._clock = tuple(sensors), fixture, clock
-        self._bridge = bridge
-        self._asked = tuple(sensor.name for sensor in sensors if sensor.driver == BRIDGE)
-        self._drivers = {sensor.name: driven(sensor, clock) for sensor in sensors if sensor.driver != BRIDGE}
-        shared = (bridge,) if bridge is not None and self._asked else ()
-        super().__init__(*shared, *self._drivers.values())
-
-    def __enter__(self) -> Self:
-        super().__enter__()
-        try:
-            self._check_names()
-        except BaseException as error:
-            self.__exit__(type(error), error, error.__traceback__)
-            raise
-        return self
-
-    def _check_names(self) -> None:
-        """Refuse sensors that the bridge does not have, before anything moves."""
-        if self._bridge is None:
-            return
-        there = self._bridge.client.hello.sensors
-        for name in self._asked:
-            if name not in there:
-                raise ConfigError(f"the bridge has no sensor '{name}'", cure=nearest(name, there))
+        super().__init__(*sources)
+        self._sensors, self._fixture, self._sources, self._clock = tuple(sensors), fixture, tuple(sources), clock
 
     @property
     def fixture(self) -> Fixture:
         """Where the sensors sit, in the frame of the grip."""
         return self._fixture
 
+    @property
+    def has_bus(self) -> bool:
+        """Whether some of the sensors sit behind nodes."""
+        return any(isinstance(source, NodeSensors) for source in self._sources)
+
+    @property
+    def counters(self) -> BusCounters:
+        """What happened between this end and all nodes so far."""
+        return summed(source.counters for source in self._sources if isinstance(source, NodeSensors))
+
     def sweep(self) -> tuple[Echo, ...]:
         """One answer a sensor, in the order of the cell file, with offset and scale taken out."""
-        answers = self._of_bridge()
-        for name, driver in self._drivers.items():
-            answers[name] = driver.fire()
+        answers = {name: echo for source in self._sources for name, echo in source.sweep().items()}
         return tuple(
             _corrected(answers.get(sensor.name) or _missing(self._clock.now_s()), sensor, spec)
             for sensor, spec in zip(self._sensors, self._fixture.specs, strict=True)
         )
 
-    def _of_bridge(self) -> dict[str, Echo]:
-        if self._bridge is None or not self._asked:
-            return {}
-        swept = self._bridge.client.sweep(self._asked)
-        return {reading.sensor: _echo(reading) for reading in swept.readings}
 
-
-def array_of(sensors: Sequence[SensorSettings], bridge: SharedBridge | None, clock: Clock) -> RealArray:
+def array_of(settings: Settings, bridge: SharedBridge | None, clock: Clock, recordings: Recordings) -> RealArray:
     """The array of a cell file.
 
     Raises
     ------
-    ConfigError : no sensors, or sensors that cannot be used; names them.
+    UsageError, ConfigError, DataError : no sensors, or sensors that cannot be used; names them.
     """
+    sensors = settings.sensor
     if not sensors:
         raise ConfigError("the rig has no sensor", cure="add a [[sensor]] table for each to the cell file")
     check_directions(sensors)
-    _check_keys(sensors)
-    if bridge is None and any(sensor.driver == BRIDGE for sensor in sensors):
-        name = next(sensor.name for sensor in sensors if sensor.driver == BRIDGE)
-        raise ConfigError(
-            f"sensor '{name}' is read by the bridge, but the arm has none",
-            cure="name the sensor's own driver, or give [arm] driver = 'bridge'",
-        )
-    usual: Mapping[str, SensorSpec] = {
-        sensor.name: assumed_spec(sensor) for sensor in sensors if sensor.driver == BRIDGE
+    _check_keys(sensors, bridge)
+    drivers = {
+        sensor.name: driven(sensor, clock, recordings) for sensor in sensors if sensor.driver not in (BRIDGE, NODE)
     }
-    specs = tuple(
-        described_spec(sensor, usual[sensor.name]) if sensor.driver == BRIDGE else driven(sensor, clock).spec
-        for sensor in sensors
-    )
-    fixture = Fixture(grip_from_sensors(*places(sensors)), specs)
-    return RealArray(sensors, fixture, bridge, clock)
+    fixture = Fixture(grip_from_sensors(*places(sensors)), tuple(_spec(sensor, drivers) for sensor in sensors))
+    asked = [sensor.name for sensor in sensors if sensor.driver == BRIDGE]
+    rows = [k for k, sensor in enumerate(sensors) if sensor.driver == NODE]
+    behind = Fixture(fixture.grip_from_sensor[rows], tuple(fixture.specs[k] for k in rows)) if rows else fixture
+    sources: list[SensorSource] = [] if bridge is None or not asked else [BridgeSensors(bridge, asked)]
+    at_once = settings.array.trigger == "simultaneous"
+    sources += nodes_of([sensors[k] for k in rows], behind, settings.bus, clock, at_once)
+    sources += [DrivenSensor(name, driver) for name, driver in drivers.items()]
+    return RealArray(sensors, fixture, sources, clock)
 
 
-def _check_keys(sensors: Sequence[SensorSettings]) -> None:
-    """Refuse drivers that there are not, and keys that nobody reads."""
-    drivers = (BRIDGE, *registry.names("sensors"))
+def _spec(sensor: SensorSettings, drivers: dict[str, RangeSensor]) -> SensorSpec:
+    driver = drivers.get(sensor.name)
+    return described_spec(sensor, assumed_spec(sensor)) if driver is None else driver.spec
+
+
+def _check_keys(sensors: Sequence[SensorSettings], bridge: SharedBridge | None) -> None:
+    """Refuse drivers that there are not, keys that nobody reads, and sensors of a bridge that there is not."""
+    drivers = (BRIDGE, NODE, *registry.names("sensors"))
     for sensor in sensors:
         if sensor.driver not in drivers:
             cure = nearest(sensor.driver, drivers)
@@ -143,18 +110,11 @@ def _check_keys(sensors: Sequence[SensorSettings]) -> None:
             key = next(iter(sensor.parameters))
             cure = nearest(key, [name for name in SensorSettings.model_fields if name != "parameters"])
             raise ConfigError(f"sensor '{sensor.name}': unknown key '{key}'", cure=cure)
-
-
-def _echo(reading: BridgeReading) -> Echo:
-    return Echo(
-        range_m=reading.range_m,
-        status=reading.status,
-        t_s=reading.t_s,
-        amplitude=reading.amplitude,
-        spread_m=reading.spread_m,
-        count=reading.count,
-        sigma_m=reading.sigma_m,
-    )
+        if sensor.driver == BRIDGE and bridge is None:
+            raise ConfigError(
+                f"sensor '{sensor.name}' is read by the bridge, but the arm has none",
+                cure="name the sensor's own driver, or give [arm] driver = 'bridge'",
+            )
 
 
 def _missing(t_s: float) -> Echo:

@@ -22,6 +22,7 @@ from surfuse.rig.description import (
     camera_mount,
     ranger_mount,
     shoulder_spec,
+    turn_of,
 )
 from surfuse.rig.devices import JointMotion, Lookout, Rig, SmoothMotion, Truth
 from surfuse.rig.mounts import world_from_shoulder
@@ -68,6 +69,7 @@ def simulated_rig(settings: Settings) -> Rig:
         raise ConfigError(
             f"array.sensor = '{settings.array.sensor}'", cure="the simulated cell has the sensor 'polaroid'"
         )
+    _refuse_real_camera(settings)
     world, part = build_world(settings)
     clock = SimulatedClock()
     fixture = array_fixture(settings)
@@ -101,6 +103,17 @@ def simulated_rig(settings: Settings) -> Rig:
     )
 
 
+def _refuse_real_camera(settings: Settings) -> None:
+    """Refuse what only a real rig has, before it is left aside without a word."""
+    if settings.camera.is_real:
+        what = f"camera.driver = '{settings.camera.driver}'"
+    elif settings.search.plane is not None:
+        what = "search.plane"
+    else:
+        return
+    raise ConfigError(f"{what} in the simulated cell", cure="leave it out, or name the driver of a real arm, too")
+
+
 def _lookout(settings: Settings, mover: ArmInCell, world: Twin, clock: Clock) -> Lookout:
     """Camera and ranger on the shoulder, wherever joint 1 truly is."""
     camera_place = camera_mount(settings).shoulder_from_device
@@ -110,9 +123,12 @@ def _lookout(settings: Settings, mover: ArmInCell, world: Twin, clock: Clock) ->
         placed: FloatArray = world_from_shoulder(float(mover.arm.true_joints_rad[0])) @ place
         return placed
 
+    # Beyond half a turn each way the camera would see the same again.
+    lower, upper = float(mover.model.kinematics.lower_rad[0]), float(mover.model.kinematics.upper_rad[0])
     return Lookout(
         arm=mover.arm,
         camera=_camera(settings, world, clock, partial(on_shoulder, camera_place)),
+        turn_rad=turn_of(settings, lower, upper),
         ranger=_ranger(settings, world, clock, partial(on_shoulder, ranger_place)),
         ready_rad=mover.model.ready_rad,
         shoulder_from_camera=camera_place,
@@ -134,13 +150,13 @@ def _ranger(settings: Settings, world: Twin, clock: Clock, pose: Callable[[], Fl
     return simulated_sensor.create(simulated_sensor.Parameters(settings.array.pings, surroundings=around))
 
 
-def build_world(settings: Settings) -> tuple[Twin, Part]:
+def build_world(settings: Settings, kind: type[Twin] = Twin) -> tuple[Twin, Part]:
     """The twin with the ring table and the part, and the part by itself."""
     table = TableParameters(
         settings.cell.table_height_m, settings.cell.table_inner_radius_m, settings.cell.table_outer_radius_m
     )
     part = make_part(settings.scene.name, _part_pose(settings), table)
-    return Twin(Scene([*table_bodies(table), part.body]), _physics(settings), settings.seed), part
+    return kind(Scene([*table_bodies(table), part.body]), _physics(settings), settings.seed), part
 
 
 def array_sensors(

@@ -23,8 +23,9 @@ from surfuse.geometry.poses import inverse
 from surfuse.motion.choice import nearest_configuration
 from surfuse.records import BoolArray, Echo, FloatArray, JointState
 from surfuse.rig.description import camera_model, tool_from_array
-from surfuse.rig.devices import JointMotion, Rig
+from surfuse.rig.devices import JointMotion, Lookout, Rig
 from surfuse.rig.simulated.assembly import simulated_rig
+from surfuse.rig.simulated.twin_arm import TwinArm
 from surfuse.settings import Settings
 
 
@@ -39,6 +40,10 @@ class TwinOnTheWire:
         self._rig: Rig = simulated_rig(settings)
         self._motion: JointMotion = self._rig.joint_motion("the twin")
         self._grip_from_tool = inverse(tool_from_array(settings))
+        # Where an area is given nobody looks for the part, and all sensors are those of the array.
+        lookout = self._rig.lookout if settings.area is None else None
+        self._ranger = lookout.ranger if isinstance(lookout, Lookout) else None
+        self._shoulder: tuple[str, ...] = () if self._ranger is None else (self._ranger.spec.name,)
         self._begun = False
         self._sweeps = 0
         self._using = threading.Lock()
@@ -57,7 +62,7 @@ class TwinOnTheWire:
         return Hello(
             name="the twin of surfuse",
             arm=ArmOfBridge(ArmKind.JOINTS, len(self._motion.arm.kinematics.lower_rad)),
-            sensors=tuple(spec.name for spec in self._rig.specs),
+            sensors=(*(spec.name for spec in self._rig.specs), *self._shoulder),
             camera=CameraOfBridge(camera.width_px, camera.height_px),
             can=frozenset({Ability.REACH, Ability.STOP, Ability.IMAGE, Ability.STREAMS}),
         )
@@ -94,17 +99,26 @@ class TwinOnTheWire:
         joints, _ = nearest_configuration(solutions, valid, here, kinematics.lower_rad, kinematics.upper_rad)
         return np.asarray(joints[0], dtype=np.float64)
 
+    def world_from_grip(self) -> FloatArray:
+        """Where the grip (4, 4) truly is."""
+        arm = self._motion.arm
+        assert isinstance(arm, TwinArm)
+        with self._using:
+            return arm.true_tool_pose()
+
     def sweep(self, sensors: tuple[str, ...]) -> SweepAnswer:
-        """All sensors fire, as in a scan; those that were asked are answered."""
+        """All sensors of the array fire, as in a scan, and that of the shoulder; those that were asked are answered."""
+        names = [spec.name for spec in self._rig.specs]
+        found: dict[str, Echo] = {}
         with self._using:
             if not self._begun:
                 self._rig.begin("sweep", self._sweeps)
             self._sweeps += 1
-            echoes = self._rig.array.sweep()
-        names = [spec.name for spec in self._rig.specs]
-        return SweepAnswer(
-            tuple(_reading(name, echo) for name, echo in zip(names, echoes, strict=True) if name in sensors)
-        )
+            if any(name in names for name in sensors):
+                found.update(zip(names, self._rig.array.sweep(), strict=True))
+            if self._ranger is not None and self._shoulder[0] in sensors:
+                found[self._shoulder[0]] = self._ranger.fire()
+        return SweepAnswer(tuple(_reading(name, echo) for name, echo in found.items() if name in sensors))
 
     def image(self) -> Image:
         """A picture of the camera on the shoulder."""

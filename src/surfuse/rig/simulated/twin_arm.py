@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from surfuse.motion.moving_arm import MovingArm
 from surfuse.records import FloatArray
 
 
+@runtime_checkable
 class TwinArm(MovingArm, Protocol):
     """An arm of the twin: it also says where its links truly are, for the simulated devices that ride on it."""
 
