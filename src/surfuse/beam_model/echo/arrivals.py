@@ -18,6 +18,7 @@ NONE, MIRROR, RIM, SPECKLE = 0, 1, 2, 3
 OFF_MIRROR = 0.026
 # Steps from the axis to the patch that answers first.
 NEAR_STEPS = 4
+BENT_AWAY_M = 0.002
 
 
 class Cells(NamedTuple):
@@ -148,15 +149,16 @@ def _cell_at(x: float, y: float, cells: Cells) -> tuple[int, int]:
 
 
 @compiled
-def _nearest_patch(
-    station: FloatArray, t: float, late: float, tilt: float, slope_u: float, slope_v: float, cells: Cells
-) -> float:
+def _nearest_patch(station: FloatArray, t: float, late: float, tilt: float, at: tuple[int, int], surface: Surface
+                   ) -> float:  # fmt: skip
     """Range of the nearest patch that answers before the axis: uphill in the plane of incidence, on the part.
 
-    At the off-axis angle d the tilted plane is at t cos(tilt) / cos(tilt - d).
+    At the off-axis angle d a plane of this tilt is at t cos(tilt) / cos(tilt - d); the surface there may be farther.
 
-    `station` (6,) is position and axis; `t` is the range of the axis, `late` (m) how much earlier than it the echo is.
+    `station` (6,) is position and axis; `t` is the range of the axis, which meets the cell `at`, `late` (m) how much
+    earlier than it the echo is.
     """
+    cells, slope_u, slope_v = surface.cells, surface.slope_u[at], surface.slope_v[at]
     ax, ay, az = station[3], station[4], station[5]
     n = np.sqrt(1.0 + slope_u * slope_u + slope_v * slope_v)
     # Unit vector across the axis towards the foot of the perpendicular.
@@ -173,9 +175,13 @@ def _nearest_patch(
         r = t * np.cos(tilt) / np.cos(tilt - d)
         x = station[0] + r * (np.cos(d) * ax + np.sin(d) * bx / size)
         y = station[1] + r * (np.cos(d) * ay + np.sin(d) * by / size)
-        if _cell_at(x, y, cells)[0] < 0:
+        j, i = _cell_at(x, y, cells)
+        if j < 0:
             break
-        found = r
+        du, dv = x - cells.u0 - i * cells.g, y - cells.v0 - j * cells.g
+        z = surface.height[j, i] + surface.slope_u[j, i] * du + surface.slope_v[j, i] * dv - station[2]
+        x, y = x - station[0], y - station[1]
+        found = min(found, np.sqrt(x * x + y * y + z * z))
     return float(found)
 
 
@@ -232,7 +238,9 @@ def at_axis(
     tilt = np.arccos(min(1.0, max(0.0, -towards / np.sqrt(1.0 + gu * gu + gv * gv))))
     late, spread = _speckle(tilt, level, ear)
     if late < 0.0 and tilt > 0.0:
-        late = max(late, _nearest_patch(station, t, late, tilt, gu, gv, cells) - t)
+        nearest = _nearest_patch(station, t, late, tilt, (j, i), surface) - t
+        # The nearest point of a surface that bends away is a point: its echo grows only behind it.
+        late = max(late, nearest + min(nearest - late, BENT_AWAY_M))
     return t + late, j, i, 1.0 / min(-0.05, towards), spread
 
 

@@ -17,6 +17,8 @@ LOOSE_M = 0.5
 DAMPING = (1.0, 0.5, 0.2, 0.05)
 # Gain of a step, over the root of the number of stations, below which a temper is done.
 SETTLED_GAIN = 0.02
+# A start that is pulled from farther away than this is not asked how loud its echoes would be.
+DEAF_M = 0.001
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ def objective(p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Sti
     `height` (R, C) in m, `heard` the arrivals over it. `temper_m` is added to the deviation of every residual, so that
     a bad start is pulled from afar. In units of log likelihood.
     """
-    loud = float(np.sum(loudness(p, height, crease(p, stiffness))))
+    loud = float(np.sum(loudness(p, height, crease(p, stiffness)))) if temper_m < DEAF_M else 0.0
     return float(np.sum(misfit(p, heard, temper_m))) + p.plate.energy(height, stiffness) + loud
 
 
