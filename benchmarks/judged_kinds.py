@@ -7,7 +7,7 @@ aside (raised and sunk shapes, crossed ribs, cones, spirals, leaning things) ser
 from __future__ import annotations
 
 import numpy as np
-from judged_scenes import Array, Height, JudgedScene, plane, waves
+from judged_scenes import Array, Height, JudgedScene
 
 
 def _smooth_step(x: Array, width: float) -> Array:
@@ -44,37 +44,49 @@ def kinds_to_develop_on() -> list[JudgedScene]:
     ]  # fmt: skip
 
 
+def _ring(u: Array, v: Array) -> Array:
+    r = np.hypot(u, v)
+    return np.where((r > 0.035) & (r < 0.065), 0.025, 0.0)
+
+
+def _letter(u: Array, v: Array) -> Array:
+    stem, bar = _inside(u, v, 0.015, 0.07), _inside(u, v - 0.05, 0.06, 0.02)
+    return np.where(stem | bar, 0.03, 0.0)
+
+
+def _pocket(u: Array, v: Array) -> Array:
+    island = np.where(np.hypot(u - 0.01, v) < 0.03, 0.025, 0.0)
+    return np.where(_inside(u, v, 0.07, 0.07), -0.025, 0.0) + island
+
+
+def _sloped_block(u: Array, v: Array) -> Array:
+    return 0.04 * _smooth_step(0.06 - np.maximum(np.abs(u), np.abs(v)), 0.03)
+
+
+def _hump(u: Array, v: Array) -> Array:
+    return np.where(v < -0.02, 0.04, 0.02 * np.exp(-((v - 0.04) ** 2 + u**2) / 0.0008))
+
+
+def _inside(u: Array, v: Array, half_u: float, half_v: float) -> Array:
+    return (np.abs(u) < half_u) & (np.abs(v) < half_v)
+
+
 def kinds_kept_aside() -> list[JudgedScene]:
     """Kinds of which no figure was looked at while a constant was chosen."""
     s = JudgedScene
-
-    def ring(u: Array, v: Array) -> Array:
-        r = np.hypot(u, v)
-        return np.where((r > 0.035) & (r < 0.065), 0.025, 0.0)
-
-    def letter(u: Array, v: Array) -> Array:
-        return np.where(((np.abs(u) < 0.015) & (np.abs(v) < 0.07)) | ((np.abs(v - 0.05) < 0.02) & (np.abs(u) < 0.06)), 0.03, 0.0)  # fmt: skip
-
-    def pocket(u: Array, v: Array) -> Array:
-        return np.where((np.abs(u) < 0.07) & (np.abs(v) < 0.07), -0.025, 0.0) + np.where(np.hypot(u - 0.01, v) < 0.03, 0.025, 0.0)  # fmt: skip
-
-    def spiral(u: Array, v: Array) -> Array:
-        return 0.03 * np.mod(np.arctan2(v, u) / (2.0 * np.pi), 1.0)
-
+    ridge = np.tan(np.radians(20.0))
     return [
-        s("ring raised", "aside", ring),
-        s("letter raised", "aside", letter),
-        s("pocket with island", "aside", pocket),
-        s("crossed ribs", "aside", lambda u, v: np.where((np.abs(u + 0.02) < 0.012) | (np.abs(v - 0.01) < 0.012), 0.02, 0.0)),
+        s("ring raised", "aside", _ring),
+        s("letter raised", "aside", _letter),
+        s("pocket with island", "aside", _pocket),
+        s("crossed ribs", "aside",
+          lambda u, v: np.where((np.abs(u + 0.02) < 0.012) | (np.abs(v - 0.01) < 0.012), 0.02, 0.0)),
         s("cone", "aside", lambda u, v: np.clip(0.05 - 0.6 * np.hypot(u, v), 0.0, None)),
-        s("block with sloped sides", "aside", lambda u, v: 0.04 * _smooth_step(0.06 - np.maximum(np.abs(u), np.abs(v)), 0.03)),
-        s("spiral ramp", "aside", spiral),
-        s("leaning slab", "aside", lambda u, v: np.where((np.abs(u) < 0.05) & (np.abs(v) < 0.06), 0.02 + 0.35 * u + 0.02, 0.0)),
-        s("hump beside a step", "aside", lambda u, v: np.where(v < -0.02, 0.04, 0.02 * np.exp(-((v - 0.04) ** 2 + u**2) / 0.0008))),
+        s("block with sloped sides", "aside", _sloped_block),
+        s("spiral ramp", "aside", lambda u, v: 0.03 * np.mod(np.arctan2(v, u) / (2.0 * np.pi), 1.0)),
+        s("leaning slab", "aside", lambda u, v: np.where(_inside(u, v, 0.05, 0.06), 0.04 + 0.35 * u, 0.0)),
+        s("hump beside a step", "aside", _hump),
         s("sunk disc", "aside", lambda u, v: np.where(np.hypot(u + 0.01, v) < 0.06, -0.02, 0.0)),
-        s("ridge and plane", "aside", lambda u, v: np.where(u < 0.0, 0.0, np.tan(np.radians(20.0)) * np.minimum(u, 0.1 - u))),
+        s("ridge and plane", "aside", lambda u, v: np.where(u < 0.0, 0.0, ridge * np.minimum(u, 0.1 - u))),
         s("two plates apart", "aside", lambda u, v: np.where(u + 0.3 * v < -0.01, 0.035, 0.0) + 0.1 * v),
     ]  # fmt: skip
-
-
-__all__ = ["kinds_kept_aside", "kinds_to_develop_on", "plane", "waves"]

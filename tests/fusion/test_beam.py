@@ -11,6 +11,7 @@ from surfuse.errors import ConfigError
 from surfuse.fusion import beam
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FloatArray, FusionScene, MapGrid, Outline, Readings, Regime, SensorSpec, SurfaceMap
+from surfuse.surface.resample import thinned
 
 HALF = 0.08
 TUBE = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 3e-4, frequency_hz=63e3, aperture_m=0.04)
@@ -73,7 +74,7 @@ def scan(
 def fuse(scene: FusionScene, readings: Readings, grid: MapGrid) -> SurfaceMap:
     surface = beam.create(beam.Parameters()).replay(scene, readings, grid).surface
     assert surface is not None
-    return surface
+    return thinned(surface, grid)
 
 
 def keep(readings: Readings, rows: FloatArray) -> Readings:

@@ -21,6 +21,7 @@ from surfuse.records import (
     SensorSpec,
     SurfaceMap,
 )
+from surfuse.surface.resample import thinned
 
 TUBE = SensorSpec("us", "ultrasonic", 0.2, 1.2, float(np.radians(13.0)), 3e-4, frequency_hz=63e3, aperture_m=0.04)
 WIDE = replace(TUBE, beam_full_angle_rad=float(np.radians(26.0)), aperture_m=0.0147)
@@ -53,7 +54,7 @@ def plate(
 def fuse(scene: FusionScene, readings: Readings, grid: MapGrid) -> SurfaceMap:
     surface = beam.create(beam.Parameters()).replay(scene, readings, grid).surface
     assert surface is not None
-    return surface
+    return thinned(surface, grid)
 
 
 def rmse_mm(surface: SurfaceMap, where: BoolArray | None = None) -> float:

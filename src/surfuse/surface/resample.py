@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from surfuse.errors import DataError
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.records import FloatArray, IntArray, MapGrid, Regime, SurfaceMap
+from surfuse.surface.grids import SAME_M
 from surfuse.surface.truth import truth_from_mesh
 
 PARALLEL = 1e-9
@@ -29,6 +32,37 @@ def resampled(surface: SurfaceMap, grid: MapGrid) -> SurfaceMap:
         grid, cast_map.height_m, cast_map.sigma_m, cast_map.confidence, cast_map.count, cast_map.mask,
         cast_map.regime, f"{surface.method} (seen from another side)",
     )  # fmt: skip
+
+
+def thinned(surface: SurfaceMap, grid: MapGrid) -> SurfaceMap:
+    """The map at the nodes of a grid that are nodes of it, with all its layers; a map on that grid as it is.
+
+    Raises
+    ------
+    DataError : a node of the grid is none of the map.
+    """
+    if surface.grid.shape == grid.shape:
+        return surface
+    places = []
+    for fine, coarse in ((surface.grid.v_m, grid.v_m), (surface.grid.u_m, grid.u_m)):
+        place = np.clip(np.searchsorted(fine, coarse - SAME_M), 0, len(fine) - 1)
+        if np.max(np.abs(fine[place] - coarse)) > SAME_M:
+            raise DataError("a node of the grid is no node of the map", cure="resample the map")
+        places.append(place)
+    at = np.ix_(*places)
+    second, weight = surface.alternative_height_m, surface.alternative_weight
+    return replace(
+        surface,
+        grid=grid,
+        height_m=surface.height_m[at],
+        sigma_m=surface.sigma_m[at],
+        confidence=surface.confidence[at],
+        count=surface.count[at],
+        mask=surface.mask[at],
+        regime=surface.regime[at],
+        alternative_height_m=None if second is None else second[at],
+        alternative_weight=None if weight is None else weight[at],
+    )
 
 
 def triangles(surface: SurfaceMap) -> tuple[FloatArray, IntArray]:

@@ -14,6 +14,7 @@ from surfuse.beam_model.heard.domain import heard_extent, inside_outline, raster
 from surfuse.beam_model.heard.stations import Stations, gather, isolated, kinds, spacing
 from surfuse.beam_model.judge.held_out import fallen_back, held_out, judged
 from surfuse.beam_model.judge.rivals import laid_on, rival_spread
+from surfuse.beam_model.map.nodes import finer_grid, on_grid
 from surfuse.beam_model.map.tiles import RasterLayers, Tile, blank, pasted, sheet_of, sparse, tiles
 from surfuse.beam_model.prior.raster import Raster
 from surfuse.beam_model.search.estimation import problem
@@ -22,21 +23,16 @@ from surfuse.records import (
     BoolArray,
     FloatArray,
     FusionScene,
-    IntArray,
     MapGrid,
     Readings,
-    Regime,
     RegionDecision,
     SurfaceMap,
 )
-from surfuse.surface.grids import refined
 
 # Stations a coarse cell that take part in the search; the last refinement uses all.
 MOST_A_CELL = 6
 SMALLEST_CELL_M = 0.002
 CELLS_A_WAVELENGTH = 1.8
-NODES_AT_EDGES = 3
-MOST_NODES = 200_000
 
 
 def empty_map(grid: MapGrid) -> SurfaceMap:
@@ -126,22 +122,6 @@ def estimate_map(
     return replace(on_grid(sheet, finer_grid(sheet, grid)), decisions=tuple(decisions))
 
 
-def finer_grid(sheet: RasterLayers, grid: MapGrid) -> MapGrid:
-    """The map's grid with nodes as close as the cells of the estimate, closer where an edge lies inside of a cell.
-
-    Nodes of the given grid stay nodes. A third of a cell leaves no node on the border of two cells.
-    """
-    steps = np.concatenate([np.diff(grid.u_m), np.diff(grid.v_m)])
-    if len(steps) == 0 or not np.allclose(steps, steps[0], rtol=1e-6):
-        return grid
-    cells = max(1, round(float(steps[0]) / sheet.raster.g_m))
-    edges = bool(np.any(sheet.edge_u != 0.0) or np.any(sheet.edge_v != 0.0))
-    factor = cells * (NODES_AT_EDGES if edges else 1)
-    if factor == 1 or grid.shape[0] * grid.shape[1] * factor**2 > MOST_NODES:
-        return grid
-    return refined(grid, factor)
-
-
 def fine_raster(scene: FusionScene, grid: MapGrid, g: float, heard_m: FloatArray, reach_m: float) -> Raster:
     """The raster of half the cell size over the same part.
 
@@ -177,46 +157,3 @@ def _solve(
         every, final = detailed, refine(every, detailed, final)
     sheet = sheet_of(every, final, laid_on(doubt_m, coarse, every.raster))
     return fallen_back(sheet, every, verdict, coarse), verdict.decisions
-
-
-def on_grid(sheet: RasterLayers, grid: MapGrid) -> SurfaceMap:
-    """Layers at the nodes of the map: each node on the facet of the cell that contains it.
-
-    Beside an edge that lies inside of a cell, nodes beyond it are on the facet of the next cell.
-    """
-    r = sheet.raster
-    rows, cols = r.shape
-    at_u, at_v = (grid.u_m - r.u0_m) / r.g_m, (grid.v_m - r.v0_m) / r.g_m
-    i, j = np.floor(at_u + 0.5).astype(np.int64), np.floor(at_v + 0.5).astype(np.int64)
-    inside = ((i >= 0) & (i < cols))[None, :] & ((j >= 0) & (j < rows))[:, None]
-    ii, jj = np.meshgrid(np.clip(i, 0, cols - 1), np.clip(j, 0, rows - 1))
-    mask = sheet.known[jj, ii] & inside
-    ii = _beside(sheet.edge_u, jj, ii, at_u[None, :] - ii, 1)
-    jj = _beside(sheet.edge_v, jj, ii, at_v[:, None] - jj, 0)
-    du, dv = grid.u_m[None, :] - (r.u0_m + ii * r.g_m), grid.v_m[:, None] - (r.v0_m + jj * r.g_m)
-    surface = sheet.height_m[jj, ii] + sheet.slope_u[jj, ii] * du + sheet.slope_v[jj, ii] * dv
-    return SurfaceMap(
-        grid=grid,
-        height_m=np.where(mask, surface, np.nan),
-        sigma_m=np.where(mask, sheet.sigma_m[jj, ii], np.nan),
-        confidence=np.where(mask, sheet.confidence[jj, ii], 0.0),
-        count=np.where(mask, sheet.count[jj, ii], 0),
-        mask=mask,
-        regime=np.where(mask, sheet.regime[jj, ii], int(Regime.EMPTY)).astype(np.uint8),
-        method="beam",
-        alternative_height_m=np.where(mask, sheet.second_m[jj, ii], np.nan),
-        alternative_weight=np.where(mask, sheet.second_weight[jj, ii], 0.0),
-    )
-
-
-def _beside(edge: FloatArray, row: IntArray, column: IntArray, share: FloatArray, axis: int) -> IntArray:
-    """Row or column (axis 0 or 1) of the cell on whose facet a node lies, one beside its own where an edge is between.
-
-    `edge` (R, C) is `edge_u` or `edge_v`; `share` (in cells, from -1/2 to 1/2) is where the node lies in its cell.
-    """
-    own = (row, column)[axis]
-    last = edge.shape[axis] - 1
-    before = (row, np.maximum(column - 1, 0)) if axis else (np.maximum(row - 1, 0), column)
-    ahead = (edge[row, column] < 0.0) & (share > 0.5 + edge[row, column]) & (own < last)
-    behind = (edge[before] > 0.0) & (share < -0.5 + edge[before]) & (own > 0)
-    return np.asarray(own + ahead.astype(np.int64) - behind.astype(np.int64))

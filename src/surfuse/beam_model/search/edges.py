@@ -42,9 +42,7 @@ def sloped(p: Estimation, height: FloatArray, crease_m: float) -> Surface:
     return Surface(height, su, sv, p.raster.g_m)
 
 
-def grown(
-    surface: Surface, member: BoolArray, over: BoolArray, direction: tuple[int, int], cells: int
-) -> FloatArray:
+def grown(surface: Surface, member: BoolArray, over: BoolArray, direction: tuple[int, int], cells: int) -> FloatArray:
     """Heights (R, C) in m with one piece continued by some cells in one direction over cells that may change.
 
     `member` (R, C) marks the piece, `over` (R, C) the cells that it may take; `direction` is (row, column), one of
@@ -103,9 +101,7 @@ class Costs:
 
 def costs(p: Estimation, height: FloatArray, heard: Arrivals, stiffness: Stiffness, crease_m: float) -> Costs:
     """The costs of a surface (R, C) in m, in units of log likelihood."""
-    return Costs(
-        height, heard, misfit(p, heard, 0.0), loudness(p, height, crease_m), p.plate.energy(height, stiffness)
-    )
+    return Costs(height, heard, misfit(p, heard, 0.0), loudness(p, height, crease_m), p.plate.energy(height, stiffness))
 
 
 def change(p: Estimation, now: Costs, trial: FloatArray, stiffness: Stiffness, crease_m: float) -> float:
@@ -182,14 +178,16 @@ def moves(
 
 
 def offsets(p: Estimation, height: FloatArray, stiffness: Stiffness, crease_m: float) -> tuple[FloatArray, FloatArray]:
-    """How far (R, C), in cells, the edge between a cell and the next one along u, and along v, lies beside their border.
+    """How far (R, C), in cells, the edge between a cell and the next along u, and along v, lies beside their border.
 
     `height` (R, C) in m is settled. From what it costs to move a border by a cell to either side: the lowest point of
     the parabola through the three. Positive towards the next cell; 0 where no edge is or the costs say nothing.
     """
     now = costs(p, height, arrivals(p, height, crease_m), stiffness, crease_m)
     number = pieces(height, p.raster.domain, p.raster.g_m, 2.0 * crease_m)
-    price = {border: change(p, now, trial, stiffness, crease_m) for border, _, trial in moves(p, height, crease_m, (1,))}
+    price = {
+        border: change(p, now, trial, stiffness, crease_m) for border, _, trial in moves(p, height, crease_m, (1,))
+    }
     along_u, along_v = np.zeros(height.shape), np.zeros(height.shape)
     for one, other, (dj, di) in price:
         forth, back = price[(one, other, (dj, di))], price.get((other, one, (-dj, -di)))

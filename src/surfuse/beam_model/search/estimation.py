@@ -9,7 +9,7 @@ import numpy as np
 from surfuse.beam_model.echo.arrivals import MIRROR, NONE, RIM, Cells, Hearing, Surface, predict
 from surfuse.beam_model.echo.detector import LEVELS, OFF_AXIS, TILTS, BeamTable, half_plane
 from surfuse.beam_model.echo.free_space import carve
-from surfuse.beam_model.echo.loudness import loudest
+from surfuse.beam_model.echo.loudness import Strength, loudest
 from surfuse.beam_model.heard.stations import Stations
 from surfuse.beam_model.heard.wavefronts import Surfels, find_surfels
 from surfuse.beam_model.prior.raster import Raster, slopes, tangents
@@ -172,7 +172,7 @@ def loudness(p: Estimation, height: FloatArray, crease_m: float, only: BoolArray
     chosen = np.ones(len(s), dtype=bool) if only is None else only
     for k, table in enumerate(p.tables):
         murmur = np.maximum(np.interp(OFF_AXIS, TILTS, table.level), table.threshold)
-        strength = np.hypot(table.directivity, murmur), murmur
+        strength = Strength(np.hypot(table.directivity, murmur), murmur)
         loudest(np.flatnonzero((s.spec == k) & chosen), station, s.range_m, surface, hearing(table), strength, expected)
         quiet |= (s.spec == k) & table.optical
     with np.errstate(invalid="ignore", divide="ignore"):

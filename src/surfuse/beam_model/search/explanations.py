@@ -41,9 +41,9 @@ def surfels_of(p: Estimation) -> Surfels:
 class Effort:
     """Which explanations are tried: priors from each start, how many get their edges moved, other priors at the end.
 
-    `points`, `plane`, `quadric`, `tilt`, `carving` and `terraces` are pairs of densities (second, third; see `Stiffness`) that are tried from a
-    start of that name. The edges of the `settled` best explanations are moved; `again` are pairs tried from the best
-    one. `fine` says whether a raster of half the cell size follows.
+    `points`, `plane`, `quadric`, `tilt`, `carving` and `terraces` are pairs of densities (second, third; see
+    `Stiffness`) that are tried from a start of that name. The edges of the `settled` best explanations are moved;
+    `again` are pairs tried from the best one. `fine` says whether a raster of half the cell size follows.
     """
 
     points: tuple[tuple[float, float], ...] = DENSITIES

@@ -15,12 +15,20 @@ from surfuse.records import FusionResult, MapGrid, Status, SurfaceMap
 from surfuse.runs.scan_log import ScanLog, few_echoes, require_echoes
 from surfuse.runs.scan_source import LogSource
 from surfuse.surface.gridding import lattice
+from surfuse.surface.resample import thinned
 
 
 def fused(scan: ScanLog, method: FusionMethod, grid: MapGrid) -> tuple[FusionResult, SurfaceMap]:
-    """Points and map of a scan by a method, on a grid."""
+    """Points and map of a scan by a method, on a grid, or on a finer one with its nodes where more is known.
+
+    A step that the user asked for is kept.
+    """
     result = method.replay(scan.scene(), scan.readings, grid)
-    return result, surface_of(result, grid, method.name, scan.outline)
+    surface = surface_of(result, grid, method.name, scan.outline)
+    if scan.step_m is not None:
+        surface = thinned(surface, grid)
+        result = replace(result, surface=surface)
+    return result, surface
 
 
 def grid_of(scan: ScanLog) -> MapGrid:
