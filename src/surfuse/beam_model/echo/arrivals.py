@@ -19,6 +19,7 @@ OFF_MIRROR = 0.026
 # Steps from the axis to the patch that answers first.
 NEAR_STEPS = 4
 BENT_AWAY_M = 0.002
+HELP = 0.6
 
 
 class Cells(NamedTuple):
@@ -305,7 +306,9 @@ def _from_rim(
     normal = (f.slope_u * ex + f.slope_v * ey - ez) / _normal(f)
     across = np.sqrt(max(0.0, rho * rho - normal * normal))
     wave = lookup(ear.diffraction, 2.0 * across / np.sqrt(ear.wavelength * rho) / ear.diffraction_step)
-    strength = lookup(ear.rim_wave, np.arccos(cos_theta) / ear.angle_step) * wave
+    # The speckle of the patch around it helps a weak rim over the threshold.
+    helped = np.hypot(wave, HELP * ear.diffuse)
+    strength = lookup(ear.rim_wave, np.arccos(cos_theta) / ear.angle_step) * helped
     delay = rim_delay(strength, ear.threshold, ear.rise)
     # A rim weaker than the speckle of the patch around it is heard only where that speckle is silent.
     drowned = min(1.0, (ear.diffuse / max(wave, 1e-6)) ** 2)
