@@ -95,6 +95,9 @@ class ArmSettings(Section):
     settle_s: float = Field(0.15, ge=0.0, le=10.0, description="rest after each move, before the array fires")
     repeatability_mm: float = Field(0.1, ge=0.0, le=10.0, description="repeatability at the tool")
     clearance_m: float = Field(0.005, ge=0.0, le=0.5, description="least distance of arm and tubes to table and part")
+    collision_check: bool = Field(
+        True, description="of a real arm of a file: where its shapes would touch something it does not go"
+    )
     tool_speed_max_m_s: float = Field(
         1.0, gt=0.0, le=5.0, description="of the array; faster moves are slowed, faster passes refused"
     )

@@ -17,6 +17,7 @@ from surfuse.plan.scan_plan import PlanParameters, scan_plan, skipped_by_kind
 from surfuse.records import BoolArray, FloatArray, FusionScene, Outline, ScanPlan
 from surfuse.rig.area import check_faces
 from surfuse.rig.devices import JointMotion, Rig
+from surfuse.rig.real.neighbourhood import part_and_table
 from surfuse.settings import Settings
 
 STOP = "stop"
@@ -68,7 +69,8 @@ def _plan_of_poses(rig: Rig, outline: Outline, parameters: PlanParameters) -> Sc
     check_faces(outline.world_from_part, here)
 
     def reachable(world_from_grip: FloatArray) -> BoolArray:
-        return arm.reachable(world_from_grip @ grip_from_tool)
+        found = arm.reachable(world_from_grip @ grip_from_tool)
+        return np.ones(len(world_from_grip), dtype=np.bool_) if found is None else found
 
     return pose_plan(outline, reachable, here, parameters)
 
@@ -81,7 +83,7 @@ def _other_place(settings: Settings) -> str:
 
 def _how_to_move(plan: ScanPlan, rig: Rig, settings: Settings) -> str:
     """Where the arm would reach the whole part; empty where no such place is near, or the part cannot be moved."""
-    if rig.motion is None or rig.motion.clearance is None or settings.area is not None:
+    if rig.motion is None or rig.motion.clearance is None or settings.area is not None or settings.arm.is_real:
         return ""
     arm, clearance = rig.motion.arm, rig.motion.clearance
     here, limits = arm.joint_state().position_rad, ReachParameters(clearance_min_m=settings.arm.clearance_m)
@@ -97,7 +99,9 @@ def _how_to_move(plan: ScanPlan, rig: Rig, settings: Settings) -> str:
 
 
 def obstacles(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]:
-    """What stands around the arm: floor, table, and a box around the part; of a real rig with a given area none."""
+    """What stands around the arm: floor, table, and a box around the part; of a simulated one above an area nothing."""
+    if settings.arm.is_real:
+        return part_and_table(settings, outline)
     if settings.area is not None:
         return ()
     table = settings.cell

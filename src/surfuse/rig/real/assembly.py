@@ -12,18 +12,20 @@ from surfuse.arms import bridge as bridge_arm
 from surfuse.bridge.shared import BridgeClock, SharedBridge
 from surfuse.errors import ConfigError
 from surfuse.extras import needed_by
-from surfuse.geometry.poses import is_rigid
 from surfuse.geometry.sensor_array import tool_from_grip
 from surfuse.interfaces import MACHINE_CLOCK, Arm, Clock, PoseArm, PoseArmSurroundings
 from surfuse.motion.arm_surroundings import ArmSurroundings
 from surfuse.motion.planners import slowed
-from surfuse.records import FloatArray
+from surfuse.records import Fixture, FloatArray
 from surfuse.rig.described_sensors import places
 from surfuse.rig.devices import JointMotion, Rig
+from surfuse.rig.real.base import world_from_base
 from surfuse.rig.real.joint_bridge import JointBridgeArm
 from surfuse.rig.real.sensors import array_of
+from surfuse.rig.real.shape import ArmShape, MoveCheck, sensor_rods, shapeless
 from surfuse.settings import Settings
 
+_PLANNED_M = 1e-3
 _SHARED = {"speed_share", "settle_s"}
 
 
@@ -38,10 +40,10 @@ def real_rig(settings: Settings) -> Rig:
     clock: Clock = MACHINE_CLOCK if bridge is None else BridgeClock(bridge)
     array = array_of(settings.sensor, bridge, clock)
     grip = tool_from_grip(*places(settings.sensor))
-    joints = _joint_arm(settings, grip, bridge, clock)
+    motion = _joint_motion(settings, array.fixture, grip, bridge, clock)
     rig = (
-        Rig(clock=clock, array=array, motion=JointMotion(joints))
-        if joints is not None
+        Rig(clock=clock, array=array, motion=motion)
+        if motion is not None
         else Rig(clock=clock, array=array, poses=_pose_arm(settings, bridge, clock), tool_from_grip=grip)
     )
     if bridge is None:
@@ -87,8 +89,10 @@ def _pose_arm(settings: Settings, bridge: SharedBridge | None, clock: Clock) -> 
     return made
 
 
-def _joint_arm(settings: Settings, grip: FloatArray, bridge: SharedBridge | None, clock: Clock) -> Arm | None:
-    """An arm whose joints are commanded, with the model of its file; None without a file."""
+def _joint_motion(
+    settings: Settings, fixture: Fixture, grip: FloatArray, bridge: SharedBridge | None, clock: Clock
+) -> JointMotion | None:
+    """An arm whose joints are commanded, with the model and the shape of its file; None without a file."""
     own = settings.arm
     if own.file is None:
         return None
@@ -96,9 +100,26 @@ def _joint_arm(settings: Settings, grip: FloatArray, bridge: SharedBridge | None
         raise ConfigError("no tool frame is named", cure="name the site, body or link: [arm] tool = 'flange'")
     with needed_by("an arm file", own.file):
         from surfuse.arm_models import model_file
-    limits = model_file.Parameters(np.radians(own.joint_speed_deg_s), np.radians(own.joint_acceleration_deg_s2))
-    model = model_file.create(Path(own.file), own.tool, _base(settings), grip, limits)
-    surroundings = ArmSurroundings(model, slowed(model.limits, own.speed_share), clock)
+    usual = model_file.Parameters(np.radians(own.joint_speed_deg_s), np.radians(own.joint_acceleration_deg_s2))
+    model = model_file.create(Path(own.file), own.tool, world_from_base(settings), grip, usual)
+    limits, joints = slowed(model.limits, own.speed_share), len(model.joint_names)
+    rods = (*model.capsules, *sensor_rods(fixture, grip, joints + 1))
+    shape = ArmShape(model.link_poses, rods, limits, lambda: arm.joint_state().position_rad, own.clearance_m)
+    # A little less than what is planned with: the arm starts from where it was sent, not quite from where it is.
+    check = MoveCheck(shape.clearance, max(own.clearance_m - _PLANNED_M, 0.0))
+    surroundings = ArmSurroundings(model, limits, clock, check)
+    arm = _joint_arm(settings, surroundings, bridge)
+    if not own.collision_check:
+        return JointMotion(arm, link_poses=model.link_poses, limits=limits, unchecked="arm.collision_check = false")
+    unchecked = shapeless(model.capsules, joints)
+    if not model.capsules:
+        return JointMotion(arm, link_poses=model.link_poses, limits=limits, unchecked=unchecked)
+    return JointMotion(arm, shape.clearance, model.link_poses, check.surround, limits=limits, unchecked=unchecked)
+
+
+def _joint_arm(settings: Settings, surroundings: ArmSurroundings, bridge: SharedBridge | None) -> Arm:
+    """The driver of an arm whose joints are commanded."""
+    own = settings.arm
     if bridge is not None:
         return JointBridgeArm(bridge, surroundings, None if own.speed_share == 1.0 else own.speed_share)
     name = own.driver or ""
@@ -106,16 +127,3 @@ def _joint_arm(settings: Settings, grip: FloatArray, bridge: SharedBridge | None
         registry.parameters("arms", name, own.parameters, "arm", surroundings)
     )
     return made
-
-
-def _base(settings: Settings) -> FloatArray:
-    """Pose (4, 4) of the arm's base in the world."""
-    numbers = settings.arm.world_from_base
-    if numbers is None:
-        return np.eye(4)
-    if len(numbers) != 16 or not is_rigid(np.array(numbers).reshape(4, 4)):
-        raise ConfigError(
-            f"arm.world_from_base has {len(numbers)} numbers that are no rigid pose",
-            cure="give 16 numbers: a 4 x 4 pose, row by row, right-handed",
-        )
-    return np.array(numbers, dtype=np.float64).reshape(4, 4)
