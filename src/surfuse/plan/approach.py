@@ -34,6 +34,7 @@ def approach(
     ------
     SafetyStopError : none of these ways is clear; the message is that of the direct one.
     """
+
     def refusal(way: FloatArray) -> SafetyStopError | None:
         return _refusal(way, clearance, clearance_min_m, from_within)
 
@@ -50,9 +51,7 @@ def approach(
     raise direct
 
 
-def _refusal(
-    way: FloatArray, clearance: ClearanceModel, least_m: float, from_within: bool
-) -> SafetyStopError | None:
+def _refusal(way: FloatArray, clearance: ClearanceModel, least_m: float, from_within: bool) -> SafetyStopError | None:
     """Why a way (M, J) of straight moves is refused, None where it is clear."""
     try:
         for start, end in pairwise(way):

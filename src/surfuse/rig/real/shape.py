@@ -11,11 +11,10 @@ from surfuse.geometry.poses import inverse
 from surfuse.motion.body import Body, Capsule, body_of
 from surfuse.motion.clearance import ClearanceModel, check_move
 from surfuse.motion.limits import JointLimits
-from surfuse.motion.obstacles import HalfSpace, Obstacle
+from surfuse.motion.obstacles import Obstacle
 from surfuse.motion.own_links import own_links, separable_pairs
 from surfuse.records import BoolArray, Fixture, FloatArray
 
-FOOT = "foot of the "
 SENSOR_RADIUS_M = 0.01
 """Of a sensor whose aperture is not known."""
 _TRIED = 200
@@ -41,32 +40,21 @@ class ArmShape:
         pairs = separable_pairs(self.rods, self.link_poses, low, high, now)
         tried = np.vstack([now, np.random.default_rng(0).uniform(low, high, (_TRIED, len(low)))])
         body = body_of(self.rods)
-        centers = body.place(self.link_poses(tried))
-        standing = [_never_clear(body, centers, solid, self.least_m) for solid in obstacles]
-        body = _with_feet(body, np.any(standing, axis=0)) if standing else body
-        feet = tuple(name for name in body.names if name.startswith(FOOT))
-        around = tuple(replace(solid, ignores=feet) if isinstance(solid, HalfSpace) else solid for solid in obstacles)
-        return ClearanceModel(self.link_poses, body, around, own_links(self.rods, pairs))
+        model = ClearanceModel(self.link_poses, body, obstacles, own_links(self.rods, pairs))
+        return replace(model, beside=_never_clear(body, body.place(self.link_poses(tried)), obstacles, self.least_m))
 
 
-def _never_clear(body: Body, centers_m: FloatArray, solid: Obstacle, least_m: float) -> BoolArray:
-    """Which spheres (B,) are near a table in every one of the postures of their centres (N, B, 3): the arm's foot.
+def _never_clear(
+    body: Body, centers_m: FloatArray, obstacles: tuple[Obstacle, ...], least_m: float
+) -> tuple[BoolArray, ...]:
+    """For each obstacle which spheres (B,) are near it in every one of the postures of their centres (N, B, 3).
 
-    An arm stands on its table. What no joint can lift off it tells nothing about a posture.
+    An arm stands on its table, and a part may stand beside its foot. What no joint can take away from there tells
+    nothing about a posture.
     """
-    if not isinstance(solid, HalfSpace):
-        return np.zeros(len(body.radius_m), dtype=np.bool_)
-    gap = solid.distance(centers_m.reshape(-1, 3)).reshape(centers_m.shape[:2]) - body.radius_m
-    return np.asarray(np.all(gap < least_m, axis=0))
-
-
-def _with_feet(body: Body, standing: BoolArray) -> Body:
-    """The same body, in which spheres that stand on a table are parts of their own."""
-    feet = tuple(dict.fromkeys(FOOT + body.names[p] for p in body.part[standing]))
-    names = (*body.names, *feet)
-    part = body.part.copy()
-    part[standing] = [names.index(FOOT + body.names[p]) for p in body.part[standing]]
-    return replace(body, names=names, part=part)
+    points, shape = centers_m.reshape(-1, 3), centers_m.shape[:2]
+    gaps = (solid.distance(points).reshape(shape) - body.radius_m for solid in obstacles)
+    return tuple(np.asarray(np.all(gap < least_m, axis=0)) for gap in gaps)
 
 
 def sensor_rods(fixture: Fixture, tool_from_grip: FloatArray, tool_link: int) -> tuple[Capsule, ...]:

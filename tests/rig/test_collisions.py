@@ -1,0 +1,110 @@
+"""A real arm of a file keeps clear of itself, of the table that it stands on, and of the part; or it is said why not."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from surfuse.commands.acquire.acquisition import acquire
+from surfuse.commands.acquire.dry_run import dry_run
+from surfuse.commands.outcome import SilentWatcher
+from surfuse.errors import DataError, SafetyStopError
+from surfuse.geometry.poses import pose
+from surfuse.settings import load
+
+pytest.importorskip("mujoco")
+from surfuse.arm_models import model_file  # noqa: E402
+
+HERE = Path(__file__).parent
+
+
+def module_of(path: Path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    found = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(found)
+    return found
+
+
+pretended = module_of(HERE / "pretended_rig.py")
+joint_rig = module_of(HERE / "test_any_devices.py").JointRig
+seven = module_of(HERE.parent / "arms" / "test_model_file.py").seven
+LASER = 'kind = "laser"\nbeam_full_angle_deg = 1.0\nrange_min_m = 0.05\nrange_max_m = 1.5\nsigma_m = 0.001\n'
+DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def arm_text(more: str = "") -> str:
+    """The seven-axis arm; its base, a plate of 5 cm on the table, and what `more` hangs on the tool."""
+    foot = '<link name="world_foot"><collision><geometry><cylinder radius="0.1" length="0.1"/></geometry></collision>'
+    tool = f'<link name="tool">{more}</link>'
+    return seven(tool).replace('<link name="world_foot"/>', f"{foot}</link>")
+
+
+SWORD = '<collision><origin xyz="0.12 0 0"/><geometry><box size="0.3 0.02 0.02"/></geometry></collision>'  # to one side
+PROBE = '<collision><origin xyz="0 0 0.12"/><geometry><cylinder radius="0.01" length="0.2"/></geometry></collision>'
+
+
+class Rig:
+    """The arm behind a bridge, and the cell file that describes it."""
+
+    def __init__(self, folder: Path, text: str, stands_at=(0.45, 0.0, 0.5)):
+        self.file, self.folder = folder / "arm.urdf", folder
+        self.file.write_text(text, "utf-8")
+        kinematics = model_file.create(self.file, "tool", np.eye(4), np.eye(4))
+        joints, _ = kinematics.inverse(pose(DOWN, stands_at)[None])
+        self.rig = joint_rig(kinematics, joints[~np.isnan(joints).any(axis=-1)][0])
+        self.served = pretended.Served(self.rig)
+
+    def __enter__(self):
+        self.served.__enter__()
+        return self
+
+    def __exit__(self, *ended):
+        self.served.__exit__(*ended)
+
+    def settings(self, origin="[0.40, -0.04, 0.0]", tallest="0.1", arm="", size=(0.12, 0.08), standoff=0.3):
+        path = self.folder / "rig.toml"
+        path.write_text(
+            f'[arm]\ndriver = "bridge"\naddress = "{self.served.address}"\nfile = "{self.file}"\ntool = "tool"\n{arm}\n'
+            f'[[sensor]]\nname = "us0"\n{LASER}[area]\norigin_m = {origin}\nwidth_m = {size[0]}\nheight_m = {size[1]}\n'
+            f'tallest_m = {tallest}\n[scan]\nstep_m = 0.02\nstandoff_m = {standoff}\n[fusion]\nmethod = "median"\n',
+            "utf-8",
+        )
+        return load(path)
+
+
+def test_an_arm_that_stands_on_the_table_scans_all_of_it(tmp_path):
+    with Rig(tmp_path, arm_text()) as rig:
+        found = dry_run(rig.settings(), tmp_path / "dry", SilentWatcher()).summary
+        assert found["stops"] == 35
+        assert found["skipped"] == []
+        assert "part up to 100 mm" in found["collisions"]
+        page = (tmp_path / "dry" / "plan.html").read_text("utf-8")
+        assert page.count("<svg") == 3
+        assert "at the first stop" in page
+        assert rig.rig.moves == 0
+        assert acquire(rig.settings(), tmp_path / "run", SilentWatcher(), yes=True).complete
+
+
+def test_what_reaches_past_the_sensors_into_the_part_is_left_out_with_the_reason(tmp_path):
+    with Rig(tmp_path, arm_text(PROBE)) as rig:
+        with pytest.raises(DataError, match=r"35 clearance to the part"):
+            dry_run(rig.settings(tallest="0.2"), None, SilentWatcher())
+        with pytest.raises(DataError, match=r"35 clearance to the part"):
+            acquire(rig.settings(tallest="0.2"), tmp_path / "run", SilentWatcher(), yes=True)
+        assert rig.rig.moves == 0
+        # Said to be no check, it is none; and a lower part is no hindrance.
+        found = dry_run(rig.settings(tallest="0.2", arm="collision_check = false"), None, SilentWatcher()).summary
+        assert found["stops"] == 35
+        assert found["collisions"] == "not checked: arm.collision_check = false"
+        assert dry_run(rig.settings(tallest="0.05"), None, SilentWatcher()).summary["stops"] == 35
+
+
+def test_a_file_without_shapes_is_said_not_to_be_checked(tmp_path):
+    bare = seven().replace('<collision><geometry><sphere radius="0.06"/></geometry></collision>', "")
+    with Rig(tmp_path, bare) as rig:
+        found = dry_run(rig.settings(), None, SilentWatcher()).summary
+    assert found["collisions"] == "not checked: its file holds no shapes"
+    assert found["stops"] == 35
