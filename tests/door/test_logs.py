@@ -218,7 +218,7 @@ N = 155
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"t_s": np.zeros((N, 1))}, ["sf.log: t_s", "(155, 1)", "shape (N)"]),
+        ({"t_s": np.zeros((N, 1))}, ["sf.log: t_s", "(155, 1)", "give a list or array of numbers, one a reading"]),
         ({"t_s": 3.0}, ["t_s", "()"]),
         ({"t_s": []}, ["no readings"]),
         ({"t_s": ["1.0"] * N}, ["t_s", "give numbers"]),

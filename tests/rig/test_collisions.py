@@ -1,4 +1,4 @@
-"""A real arm of a file keeps clear of itself, of the table that it stands on, and of the part; or it is said why not."""
+"""A real arm of a file keeps clear of itself, its table and the part; or it is said why that is not checked."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pytest
 from surfuse.commands.acquire.acquisition import acquire
 from surfuse.commands.acquire.dry_run import dry_run
 from surfuse.commands.outcome import SilentWatcher
-from surfuse.errors import DataError, SafetyStopError
+from surfuse.errors import DataError
 from surfuse.geometry.poses import pose
 from surfuse.settings import load
 
 pytest.importorskip("mujoco")
-from surfuse.arm_models import model_file  # noqa: E402
+from surfuse.arm_models import model_file
 
 HERE = Path(__file__).parent
 

@@ -303,5 +303,5 @@ def test_a_command_in_one_text_is_shown_as_the_list_that_it_should_be(tmp_path):
 def test_a_dry_run_knows_the_method_that_the_scan_would_refuse(served, tmp_path):
     path = cell(tmp_path, served.address)
     path.write_text(path.read_text("utf-8").replace('method = "mean"', 'method = "maen"'), "utf-8")
-    with pytest.raises(UsageError, match="did you mean 'mean'"):
+    with pytest.raises(ConfigError, match=r"fusion.method = 'maen': .* did you mean 'mean'"):
         dry_run(load(path), None, SilentWatcher())

@@ -9,6 +9,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from surfuse.errors import UsageError, nearest
+
 Out = Annotated[Path | None, typer.Option("--out", help="Folder of the run; it must not exist yet.")]
 Cell = Annotated[Path | None, typer.Option("--cell", help="Cell file (TOML); default: the simulated reference cell.")]
 Method = Annotated[str | None, typer.Option("--method", help="Fusion method; 'surfuse methods' lists them.")]
@@ -48,13 +50,47 @@ Force = Annotated[bool, typer.Option("--force", help="Replace the output file if
 
 
 def overrides(assignments: list[str] | None, method: str | None, seed: int | None) -> list[str]:
-    """`--set` values with the options that have a name of their own; these win."""
+    """`--set` values with the options that have a name of their own; these win.
+
+    Raises
+    ------
+    UsageError : there is no method of that name.
+    """
     texts = list(assignments or [])
+    for text in texts:
+        key, _, value = text.partition("=")
+        if key.strip() == "fusion.method":
+            _check_method(value.strip().strip("'" + '"'), text)
     if method is not None:
+        _check_method(method, f"--method {method}")
         texts.append(f"fusion.method={toml_string(method)}")
     if seed is not None:
         texts.append(f"seed={seed}")
     return texts
+
+
+def _check_method(name: str, given: str) -> None:
+    from surfuse import registry
+
+    known = registry.names("fusion")
+    if name not in known:
+        raise UsageError(f"{given}: there is no method '{name}'", cure=nearest(name, known))
+
+
+def check_scene(name: str) -> None:
+    """Refuse what is neither a built-in scene nor the name of a mesh file.
+
+    Raises
+    ------
+    UsageError : with the nearest scene.
+    """
+    from surfuse.geometry.mesh_files import SUFFIXES
+    from surfuse.settings import SCENES
+
+    if name not in SCENES and Path(name).suffix.lower() not in SUFFIXES:
+        raise UsageError(
+            f"unknown scene '{name}'", cure=f"{nearest(name, SCENES)}; or a mesh file ({', '.join(SUFFIXES)})"
+        )
 
 
 def arm_overrides(file: Path | None, tool: str | None, driver: str | None) -> list[str]:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from surfuse.errors import StorageError
+from surfuse.errors import ExistingFileError, StorageError
 
 _CURES = {
     errno.ENOSPC: "free some disk space and try again",
@@ -52,14 +52,12 @@ def sync_folder(folder: Path) -> None:
 
 
 def refuse_existing(path: Path, overwrite: bool) -> None:
-    """Raise StorageError when something lies at `path` that may not be replaced."""
+    """Raise StorageError when something lies at `path` that may not be replaced; `ExistingFileError` for a file."""
     if path.is_dir():
         raise StorageError("it is a folder", where=str(path), cure="give the name of a file")
     if path.exists() and not overwrite:
-        raise StorageError(
-            "the file exists and is not overwritten",
-            where=str(path),
-            cure="choose another name, or ask for overwriting (--force)",
+        raise ExistingFileError(
+            "the file exists and is not overwritten", where=str(path), cure="choose another name, or remove it first"
         )
 
 

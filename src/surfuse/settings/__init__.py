@@ -1,32 +1,33 @@
 """The validated configuration: what a person may write into a cell file or pass with `--set key.path=value`."""
 
-from surfuse.settings.sections import (
+from surfuse.settings.arm_table import SIMULATED_DRIVERS, ArmSettings
+from surfuse.settings.configuration import Settings
+from surfuse.settings.kit_tables import (
     BUS_PINGS_LIMIT,
     NO_BUS,
     AirSettings,
-    ArmSettings,
     ArraySettings,
     BusSettings,
-    CameraSettings,
-    Fraction,
-    FusionSettings,
     KitSettings,
-    Length,
-    Plain,
+)
+from surfuse.settings.loading import from_tree, load
+from surfuse.settings.section import Fraction, Length, Plain, Section
+from surfuse.settings.sections import (
+    SCENES,
+    CameraSettings,
+    FusionSettings,
     RangerSettings,
     ScanSettings,
     SceneSettings,
     SearchSettings,
-    Section,
-    Settings,
     TableSettings,
-    from_tree,
-    load,
 )
 
 __all__ = [
     "BUS_PINGS_LIMIT",
     "NO_BUS",
+    "SCENES",
+    "SIMULATED_DRIVERS",
     "AirSettings",
     "ArmSettings",
     "ArraySettings",

@@ -69,7 +69,7 @@ def dry_run(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
     if out is not None:
         path = out / PICTURE if out.suffix == "" else out
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, plan_page(plan, outline, arm))
+        write_text(path, plan_page(plan, outline, arm), overwrite=path.name == PICTURE)
         data["picture"], rows = str(path), [*rows, ("picture", str(path))]
     return Outcome(data, rows)
 
