@@ -75,14 +75,6 @@ class StorageError(SurfuseError):
     exit_status = 6
 
 
-class ExistingFileError(StorageError):
-    """Something lies where a file would be written, and nobody asked to replace it."""
-
-    def asked_by(self, asking: str) -> Self:
-        """The same error, whose cure names the way in which this caller asks to replace a file."""
-        return type(self)(self.what, cure=f"choose another name, or {asking} to replace it", where=self.where)
-
-
 class InterruptError(SurfuseError):
     """The user stopped the work at once; an acquisition keeps what it had scanned, and can be resumed."""
 

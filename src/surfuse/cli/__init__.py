@@ -20,7 +20,8 @@ from typing import NoReturn, ParamSpec, TypeVar
 import typer
 
 from surfuse import __version__
-from surfuse.errors import ExistingFileError, InterruptError, StorageError, SurfuseError, UsageError, nearest
+from surfuse.durable import ExistingFileError
+from surfuse.errors import InterruptError, StorageError, SurfuseError, UsageError, nearest
 from surfuse.extras import missing_package
 
 P = ParamSpec("P")

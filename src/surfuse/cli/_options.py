@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from surfuse.cli._numbers import PORT_MAX, Real, Whole
 from surfuse.errors import UsageError, nearest
 
 Out = Annotated[Path | None, typer.Option("--out", help="Folder of the run; it must not exist yet.")]
@@ -18,6 +19,7 @@ Set = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY.PATH=VALUE", help="Override one value; may be repeated.")
 ]
 Seed = Annotated[int | None, typer.Option("--seed", help="Seed of everything that is random.")]
+"""Its limits are those of the configuration, where it may also stand in a file."""
 ArmFile = Annotated[
     Path | None, typer.Option("--arm", metavar="FILE", help="MJCF or URDF file of another arm; default: the PUMA 560.")
 ]
@@ -30,7 +32,9 @@ ArmDriver = Annotated[
 ]
 Scale = Annotated[
     float,
-    typer.Option("--scale", metavar="FACTOR", help="Factor on a truth mesh's numbers, 0.001 for mm.", min=1e-9),
+    typer.Option(
+        "--scale", metavar="FACTOR", help="Factor on a truth mesh's numbers, 0.001 for mm.", parser=Real(1e-9, 1e9)
+    ),
 ]
 TruthFrame = Annotated[
     Literal["auto", "world", "part"],
@@ -44,7 +48,13 @@ Yes = Annotated[bool, typer.Option("--yes", help="Agree to the first move of a r
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")]
 View = Annotated[bool, typer.Option("--view", help="Show the scan live on a page of this computer; look only.")]
 ViewPort = Annotated[
-    int, typer.Option("--view-port", help="Port of that page on 127.0.0.1; 0: any free one.", min=0, max=65535)
+    int,
+    typer.Option(
+        "--view-port",
+        help="Port of that page on 127.0.0.1; 0: any free one.",
+        parser=Whole(0, PORT_MAX),
+        metavar="PORT",
+    ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace the output file if it exists.")]
 

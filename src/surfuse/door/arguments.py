@@ -57,11 +57,10 @@ def numbers(values: npt.ArrayLike, name: str, shape: tuple[int | None, ...]) -> 
 
 
 def _wanted(shape: tuple[int | None, ...]) -> str:
-    """An array in words: "a list of numbers", "20 numbers", "numbers of shape (20, 3)"."""
-    if len(shape) == 1:
-        return "a list or array of numbers, one a reading" if shape[0] is None else f"{shape[0]} numbers in a row"
-    rows = "as many rows as there are" if shape[0] is None else str(shape[0])
-    return f"numbers of shape ({', '.join([rows, *(str(length) for length in shape[1:])])})"
+    """An array in words: numbers of shape (20, 3), or of one dimension and any length."""
+    if shape == (None,):
+        return "numbers in a list or array of one dimension, one a reading"
+    return f"numbers of shape ({', '.join('any number' if length is None else str(length) for length in shape)})"
 
 
 def _unmasked(values: npt.ArrayLike) -> npt.NDArray[np.generic]:

@@ -12,7 +12,8 @@ from surfuse.commands.explain.explanation import CellExplanation, explanation_at
 from surfuse.commands.explain.map_source import MapSource, source_of
 from surfuse.commands.maps.map_files import format_of
 from surfuse.door.arguments import FilePath, finite_number, path_of
-from surfuse.errors import DataError, ExistingFileError, UsageError
+from surfuse.durable import ExistingFileError
+from surfuse.errors import DataError, UsageError
 from surfuse.exporters import nc
 from surfuse.records import (
     BoolArray,

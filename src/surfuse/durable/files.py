@@ -9,8 +9,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Self
 
-from surfuse.errors import ExistingFileError, StorageError
+from surfuse.errors import StorageError
 
 _CURES = {
     errno.ENOSPC: "free some disk space and try again",
@@ -26,6 +27,14 @@ _CURES = {
     errno.ELOOP: "it is a symbolic link, which is not followed: remove it",
 }
 _REPLACE_TRIES, _REPLACE_WAIT_S = 10, 0.05
+
+
+class ExistingFileError(StorageError):
+    """Something lies where a file would be written, and nobody asked to replace it."""
+
+    def asked_by(self, asking: str) -> Self:
+        """The same error, whose cure names the way in which this caller asks to replace a file."""
+        return type(self)(self.what, cure=f"choose another name, or {asking} to replace it", where=self.where)
 
 
 def storage_error(error: OSError, path: Path, doing: str) -> StorageError:

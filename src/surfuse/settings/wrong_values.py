@@ -83,9 +83,9 @@ def _wrong_count(problem: ErrorDetails, problems: list[ErrorDetails], tree: Mapp
     else:
         return None
     found = len(given) if isinstance(given, list | tuple) else 0
-    values, least_known = f"{found} value{'' if found == 1 else 's'}", problem["type"] == "missing"
-    limit = f"{wanted} are needed" if least_known or place[-1] in _VECTORS else f"at most {wanted} can be given"
-    return f"{_path(place, tree)} = {_shown(given)}: {values}, {limit}"
+    exact = problem["type"] == "missing" or place[-1] in _VECTORS
+    limit = f"{wanted} are needed" if exact else f"at most {wanted} can be given"
+    return f"{_path(place, tree)} = {_shown(given)}: the number of values is {found}, and {limit}"
 
 
 def _words(problem: ErrorDetails) -> str:
@@ -110,7 +110,7 @@ def _words(problem: ErrorDetails) -> str:
 
 def _of_number(given: object) -> str:
     """What to write for what is no number."""
-    if isinstance(given, str) and _is_number(given):
+    if isinstance(given, str) and len(given) <= _SHOWN and _is_number(given):
         return f"write it without quotes: {given.strip()}"
     return "give one number" if isinstance(given, list | Mapping) else ""
 
