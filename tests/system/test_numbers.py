@@ -33,7 +33,7 @@ def test_no_number_is_read_without_limits():
     found = list(numbers())
     assert len(found) > 20
     for command, name, option in found:
-        shown = {*(option.param_decls or ()), option.metavar}
+        shown = {*(option.param_decls or ()), option.default, option.metavar}
         assert isinstance(option.parser, Real | Whole) or shown & later, (command, name)
 
 

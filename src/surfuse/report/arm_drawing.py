@@ -15,8 +15,8 @@ MM = 1000.0
 STYLE = (
     ".posture path { fill: none; stroke: var(--ink-soft); stroke-width: 1.5; }"
     ".now { fill: var(--ink-soft); opacity: .25; } .stop { fill: #0072b2; opacity: .35; }"
-    ".touching { fill: #d55e00; opacity: .3; } "
-    ".touching .contact { fill: #d55e00; stroke: var(--ink); stroke-width: 2; }"
+    ".touching { fill: #d55e00; fill-opacity: .3; }"
+    ".touching .contact { fill-opacity: .85; stroke: var(--ink); stroke-width: 1.5; }"
     ".solid { fill: var(--accent-soft); stroke: var(--accent); stroke-width: 1.4; }"
     ".ground { fill: var(--ink-soft); opacity: .18; }"
 )

@@ -12,6 +12,7 @@ from surfuse.errors import ConfigError
 from surfuse.runs.configuration import RUN_TABLE, read_configuration
 from surfuse.runs.toml_file import parse_toml
 from surfuse.settings.configuration import Settings
+from surfuse.settings.named_files import with_files_beside
 from surfuse.settings.wrong_values import explain
 
 _NOWHERE = "configuration"
@@ -25,7 +26,8 @@ def load(
 ) -> Settings:
     """Defaults, then the cell file, then `key.path=value` overrides, then values by key path, then whole sections.
 
-    The run.toml of a run is a cell file too: it repeats the run, with its seed.
+    The run.toml of a run is a cell file too: it repeats the run, with its seed. Files that a cell file names are looked
+    for where we are, then beside it.
 
     Raises
     ------
@@ -64,7 +66,7 @@ def _read_toml(path: Path) -> dict[str, object]:
         ) from error
     tree = parse_toml(data, str(path))
     if RUN_TABLE not in tree:
-        return tree
+        return with_files_beside(tree, path.parent)
     tables, seed = read_configuration(path)
     return {**tables, "seed": seed}
 

@@ -34,6 +34,7 @@ from surfuse.runs.log_writer import LogWriter
 from surfuse.runs.progress import ScanProgress, read_progress
 from surfuse.runs.scan_log import few_echoes
 from surfuse.settings import Settings, from_tree
+from surfuse.settings.named_files import command_from_anywhere
 
 
 def acquire(
@@ -137,10 +138,14 @@ def _noted(log: LogWriter, rig: Rig) -> Iterator[None]:
 
 
 def _from_anywhere(settings: Settings) -> Settings:
-    """The same with the whole paths of mesh and arm files, so that a resume may start in another folder."""
+    """The same with the whole paths of meshes, arm files and programs, so that a resume may start in another folder."""
     mesh, arm, area = Path(settings.scene.name), settings.arm, settings.area
     scene = {"name": str(mesh.resolve())} if mesh.is_file() else {}
-    file = {} if arm.file is None else {"file": str(Path(arm.file).resolve())}
+    file: dict[str, object] = {} if arm.file is None else {"file": str(Path(arm.file).resolve())}
+    command = arm.parameters.get("command")
+    if isinstance(command, list) and command:
+        words = command_from_anywhere([str(word) for word in command])
+        file["parameters"] = {**arm.parameters, "command": words}
     changed: dict[str, object] = {"scene": settings.scene.model_copy(update=scene), "arm": arm.model_copy(update=file)}
     if area is not None:
         files = {key: str(Path(name).resolve()) for key in ("outline", "mesh") if (name := getattr(area, key))}

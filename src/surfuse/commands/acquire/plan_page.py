@@ -8,7 +8,7 @@ import numpy as np
 
 from surfuse.commands.acquire.planning import obstacles
 from surfuse.geometry.poses import inverse, pose, transform_points
-from surfuse.motion.choice import nearest_configuration
+from surfuse.motion.choice import follow, nearest_configuration
 from surfuse.motion.clearance import ClearanceModel
 from surfuse.motion.obstacles import Box, HalfSpace
 from surfuse.records import FloatArray, Outline, ScanPlan, SkippedStop
@@ -76,12 +76,14 @@ def _touching(motion: JointMotion, plan: ScanPlan) -> list[tuple[SkippedStop, Fl
     kinematics, found = motion.arm.kinematics, []
     for stops in list(kinds.values())[:_COLLISIONS_SHOWN]:
         stop = stops[len(stops) // 2]
-        target = _world_from_grip(plan, stop)
-        near = plan.joints_rad[np.argmin(np.hypot(*(plan.uv_m - [stop.u_m, stop.v_m]).T))]
-        solutions, valid = kinematics.inverse(target[None])
-        joints, index = nearest_configuration(solutions, valid, near, kinematics.lower_rad, kinematics.upper_rad)
-        if index[0] >= 0:
-            found.append((stop, joints[0]))
+        i = int(np.argmin(np.hypot(*(plan.uv_m - [stop.u_m, stop.v_m]).T)))
+        # From the nearest stop of the plan on, so that the arm is in the configuration of the scan.
+        targets = np.array([plan.world_from_grip[i], _world_from_grip(plan, stop)])
+        solutions, valid = kinematics.inverse(targets)
+        limits = kinematics.lower_rad, kinematics.upper_rad
+        _, index = nearest_configuration(solutions[:1], valid[:1], plan.joints_rad[i], *limits)
+        if index[0] >= 0 and valid[1, index[0]]:
+            found.append((stop, follow(solutions[1:, index[0]], plan.joints_rad[i], *limits)[0]))
     return found
 
 
