@@ -191,6 +191,8 @@ ONE = '[[sensor]]\nname = "us0"\n'
         (f'{RIG}collision_check = "true"\n', r"arm.collision_check = 'true': .* write true without quotes"),
         ("[arm]\ndriver = true\n", r'arm.driver = True: .* write it in quotes: "true"'),
         ('[arm]\ndriver = "bridge"\ncommand = ["python3", 1]\n', r"arm.command = .* a list of texts or of numbers"),
+        ("[scan]\nstandoff_m = 430\n", r"scan.standoff_m = 430: .*10; give metres \(430 mm are 0.43\)"),
+        ("[scan]\nstep_m = 0,01   # one\n", r"not valid TOML: .*line 2.*; write numbers with a point: 0.01"),
         ("standoff_m = 0.3\n", r"unknown key 'standoff_m'; it is a key of \[scan\]"),
         (f"{ONE}axis = [0.0, 0.0, 90.0]\n", r"cell.toml: sensor 'us0': axis = .*wanted 1"),
     ],
@@ -224,3 +226,13 @@ def test_files_that_a_cell_file_names_are_found_beside_it_too(tmp_path: Path, mo
     area = load(rig / "cell.toml").area
     assert area is not None
     assert area.outline == "both.csv"
+
+
+def test_a_cell_file_that_is_not_there_names_those_that_are(tmp_path: Path):
+    for name in ("rig.toml", "sensors.toml"):
+        (tmp_path / name).write_text("")
+    for wrong in (tmp_path, tmp_path / "rig.tml"):
+        with pytest.raises(ConfigError, match=r"cannot read it .*there is rig.toml$"):
+            load(wrong)
+    with pytest.raises(ConfigError, match=r"surfuse init FOLDER"):
+        load(tmp_path / "nowhere" / "rig.toml")

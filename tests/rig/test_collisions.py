@@ -72,7 +72,8 @@ class Rig:
         path.write_text(
             f'[arm]\ndriver = "bridge"\naddress = "{self.served.address}"\nfile = "{self.file}"\ntool = "tool"\n{arm}\n'
             f'[[sensor]]\nname = "us0"\n{LASER}{sensor}[area]\norigin_m = {origin}\n'
-            f'width_m = {size[0]}\nheight_m = {size[1]}\ntallest_m = {tallest}\n[scan]\nstep_m = 0.02\nstandoff_m = {standoff}\n[fusion]\nmethod = "median"\n',
+            f"width_m = {size[0]}\nheight_m = {size[1]}\n"
+            f'tallest_m = {tallest}\n[scan]\nstep_m = 0.02\nstandoff_m = {standoff}\n[fusion]\nmethod = "median"\n',
             "utf-8",
         )
         return load(path)

@@ -97,6 +97,8 @@ def check_scene(name: str) -> None:
     from surfuse.geometry.mesh_files import SUFFIXES
     from surfuse.settings import SCENES
 
+    if Path(name).suffix.lower() == ".toml":
+        raise UsageError(f"'{name}' is no scene", cure=f"a cell file is given as --cell {name}")
     if name not in SCENES and Path(name).suffix.lower() not in SUFFIXES:
         raise UsageError(
             f"unknown scene '{name}'", cure=f"{nearest(name, SCENES)}; or a mesh file ({', '.join(SUFFIXES)})"

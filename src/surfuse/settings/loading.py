@@ -15,6 +15,8 @@ from surfuse.settings.configuration import Settings
 from surfuse.settings.named_files import with_files_beside
 from surfuse.settings.wrong_values import explain
 
+_LISTED = 6
+_BESIDE_LOGS = ("sensors.toml", "frame.toml")
 _NOWHERE = "configuration"
 
 
@@ -61,14 +63,29 @@ def _read_toml(path: Path) -> dict[str, object]:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise ConfigError(
-            f"cannot read it ({error.strerror})", cure="give the path of a TOML file", where=str(path)
-        ) from error
+        raise ConfigError(f"cannot read it ({error.strerror})", cure=_meant(path), where=str(path)) from error
     tree = parse_toml(data, str(path))
     if RUN_TABLE not in tree:
         return with_files_beside(tree, path.parent)
     tables, seed = read_configuration(path)
     return {**tables, "seed": seed}
+
+
+def _meant(path: Path) -> str:
+    """The cell file that may have been meant: one in the folder that was given, or of nearly that name."""
+    folder = path if path.is_dir() else path.parent
+    names = (
+        [file.name for file in sorted(folder.glob("*.toml")) if file.name not in _BESIDE_LOGS]
+        if folder.is_dir()
+        else []
+    )
+    if not names:
+        return "give the path of a TOML file; 'surfuse init FOLDER' writes one"
+    return f"give the path of a TOML file; in {folder} there {_are(names[:_LISTED])}"
+
+
+def _are(names: list[str]) -> str:
+    return f"is {names[0]}" if len(names) == 1 else f"are {', '.join(names)}"
 
 
 def _assign(tree: dict[str, object], text: str) -> None:

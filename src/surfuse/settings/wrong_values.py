@@ -93,7 +93,7 @@ def _words(problem: ErrorDetails) -> str:
     kind, given, message = problem["type"], problem["input"], problem["msg"][0].lower() + problem["msg"][1:]
     if kind in ("list_type", "tuple_type"):
         return "several values are needed here; write them in square brackets, as [0.0, 0.0, 1.0]"
-    cure = ""
+    cure = _in_metres(problem)
     if kind in ("float_type", "int_type"):
         cure = _of_number(given)
     elif kind == "bool_type":
@@ -106,6 +106,14 @@ def _words(problem: ErrorDetails) -> str:
         likely = nearest(given, [word.strip("'") for word in words])
         cure = likely.partition("? ")[0] + "?" if "? " in likely else ""
     return f"{message}; {cure}" if cure else message
+
+
+def _in_metres(problem: ErrorDetails) -> str:
+    """A hint at millimetres, where a length is far above its limit."""
+    limit, given, key = problem.get("ctx", {}).get("le"), problem["input"], str(problem["loc"][-1])
+    if not key.endswith("_m") or not isinstance(given, int | float) or not isinstance(limit, int | float):
+        return ""
+    return f"give metres ({given:g} mm are {1e-3 * given:g})" if given > limit else ""
 
 
 def _of_number(given: object) -> str:

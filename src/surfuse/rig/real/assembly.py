@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from surfuse.rig.real.joint_bridge import JointBridgeArm
 from surfuse.rig.real.sensors import array_of
 from surfuse.rig.real.shape import ArmShape, MoveCheck, sensor_rods, shapeless
 from surfuse.settings import Settings
+
+if TYPE_CHECKING:
+    from surfuse.arm_models.model_file import ModelFileArm
 
 _PLANNED_M = 1e-3
 _SHARED = {"speed_share", "settle_s"}
@@ -93,15 +97,9 @@ def _joint_motion(
     settings: Settings, fixture: Fixture, grip: FloatArray, bridge: SharedBridge | None, clock: Clock
 ) -> JointMotion | None:
     """An arm whose joints are commanded, with the model and the shape of its file; None without a file."""
-    own = settings.arm
-    if own.file is None:
+    own, model = settings.arm, model_of(settings, grip)
+    if model is None:
         return None
-    if own.tool is None:
-        raise ConfigError("no tool frame is named", cure="name the site, body or link: [arm] tool = 'flange'")
-    with needed_by("an arm file", own.file):
-        from surfuse.arm_models import model_file
-    usual = model_file.Parameters(np.radians(own.joint_speed_deg_s), np.radians(own.joint_acceleration_deg_s2))
-    model = model_file.create(Path(own.file), own.tool, world_from_base(settings), grip, usual)
     limits, joints = slowed(model.limits, own.speed_share), len(model.joint_names)
     rods = (*model.capsules, *sensor_rods(fixture, grip, joints + 1))
     shape = ArmShape(model.link_poses, rods, limits, lambda: arm.joint_state().position_rad, own.clearance_m)
@@ -115,6 +113,24 @@ def _joint_motion(
     if not model.capsules:
         return JointMotion(arm, link_poses=model.link_poses, limits=limits, unchecked=unchecked)
     return JointMotion(arm, shape.clearance, model.link_poses, check.surround, limits=limits, unchecked=unchecked)
+
+
+def model_of(settings: Settings, grip: FloatArray) -> ModelFileArm | None:
+    """The arm of the file of the configuration where it stands, with the grip (4, 4) in its tool frame; None without.
+
+    Raises
+    ------
+    ConfigError, DataError : no tool frame is named, a package is missing, or the file is refused.
+    """
+    own = settings.arm
+    if own.file is None:
+        return None
+    if own.tool is None:
+        raise ConfigError("no tool frame is named", cure="name the site, body or link: [arm] tool = 'flange'")
+    with needed_by("an arm file", own.file):
+        from surfuse.arm_models import model_file
+    usual = model_file.Parameters(np.radians(own.joint_speed_deg_s), np.radians(own.joint_acceleration_deg_s2))
+    return model_file.create(Path(own.file), own.tool, world_from_base(settings), grip, usual)
 
 
 def _joint_arm(settings: Settings, surroundings: ArmSurroundings, bridge: SharedBridge | None) -> Arm:
