@@ -12,11 +12,14 @@ import pytest
 from surfuse.commands.acquire.acquisition import acquire
 from surfuse.commands.acquire.dry_run import dry_run
 from surfuse.commands.acquire.planning import obstacles
+from surfuse.commands.maps.report import content_of
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import DataError, SafetyStopError
 from surfuse.geometry.poses import pose
 from surfuse.rig.area import outline_of
 from surfuse.rig.assembled import assembled
+from surfuse.runs.folder import RunFolder
+from surfuse.runs.scan_source import own_scan
 from surfuse.settings import load
 
 pytest.importorskip("mujoco")
@@ -90,6 +93,11 @@ def test_an_arm_that_stands_on_the_table_scans_all_of_it(tmp_path):
         assert "at the first stop" in page
         assert rig.rig.moves == 0
         assert acquire(rig.settings(), tmp_path / "run", SilentWatcher(), yes=True).complete
+    # The report draws it where it stands, with the tool where the sweeps were made.
+    run = RunFolder.open(tmp_path / "run")
+    scan = own_scan(run)
+    drawn = content_of(run, scan).arm_m
+    np.testing.assert_allclose(drawn[:, -1], scan.readings.world_from_grip[:, :3, 3], atol=1e-6)
 
 
 def test_what_reaches_past_the_sensors_into_the_part_is_left_out_with_the_reason(tmp_path):
