@@ -95,7 +95,7 @@ def test_an_arm_that_stands_on_the_table_scans_all_of_it(tmp_path):
         assert acquire(rig.settings(), tmp_path / "run", SilentWatcher(), yes=True).complete
     # The report draws it where it stands, with the tool where the sweeps were made.
     run = RunFolder.open(tmp_path / "run")
-    scan = own_scan(run)
+    scan = own_scan(run.path)
     drawn = content_of(run, scan).arm_m
     np.testing.assert_allclose(drawn[:, -1], scan.readings.world_from_grip[:, :3, 3], atol=1e-6)
 
