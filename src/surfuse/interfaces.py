@@ -200,8 +200,8 @@ class PoseArm(Device, Protocol):
         DeviceError : the arm does not answer.
         """
 
-    def reachable(self, world_from_tool: FloatArray) -> BoolArray:
-        """Which of the poses (N, 4, 4) the arm can take: (N,); all of them when it cannot tell."""
+    def reachable(self, world_from_tool: FloatArray) -> BoolArray | None:
+        """Which of the poses (N, 4, 4) the arm can take: (N,); None when it cannot tell."""
 
     def move_to_pose(self, world_from_tool: FloatArray, speed_share: float | None = None) -> ToolState:
         """Go to a pose (4, 4), settle, and return the state as reached.

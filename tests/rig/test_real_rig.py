@@ -14,6 +14,7 @@ import pytest
 from surfuse.commands.acquire.acquisition import acquire, resume
 from surfuse.commands.acquire.dry_run import dry_run
 from surfuse.commands.machine.doctor import doctor
+from surfuse.commands.machine.starter import start
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import ConfigError, DeviceError, InterruptError, SafetyStopError, UnreachableError, UsageError
 from surfuse.exporters import nc
@@ -303,5 +304,27 @@ def test_a_command_in_one_text_is_shown_as_the_list_that_it_should_be(tmp_path):
 def test_a_dry_run_knows_the_method_that_the_scan_would_refuse(served, tmp_path):
     path = cell(tmp_path, served.address)
     path.write_text(path.read_text("utf-8").replace('method = "mean"', 'method = "maen"'), "utf-8")
-    with pytest.raises(UsageError, match="did you mean 'mean'"):
+    with pytest.raises(ConfigError, match=r"fusion.method = 'maen': .* did you mean 'mean'"):
         dry_run(load(path), None, SilentWatcher())
+
+
+class Impatient(SilentWatcher):
+    """Stops the scan after three sweeps."""
+
+    def __init__(self):
+        self.sweeps = 0
+
+    def advance(self, steps=1):
+        self.sweeps += steps
+
+    def stop_requested(self):
+        return self.sweeps >= 3
+
+
+def test_a_bridge_that_is_a_program_of_the_folder_is_resumed_from_another_one(tmp_path, monkeypatch):
+    start(tmp_path / "rig", overwrite=False)
+    monkeypatch.chdir(tmp_path / "rig")
+    settings = load(Path("rig.toml"), ["fusion.method=mean", "scan.step_m=0.03"])
+    assert not acquire(settings, tmp_path / "run", Impatient(), yes=True).complete
+    monkeypatch.chdir(tmp_path)
+    assert resume(tmp_path / "run", SilentWatcher(), yes=True).complete

@@ -105,15 +105,10 @@ class BridgeArm(OpenedTogether):
         """Where the tool stands now."""
         return _tool_state(self.client.state())
 
-    @property
-    def tells_reach(self) -> bool:
-        """Whether the bridge says which poses its arm can take."""
-        return self.client.can(Ability.REACH)
-
-    def reachable(self, world_from_tool: FloatArray) -> BoolArray:
-        """Which of the poses (N, 4, 4) the arm says it can take; all of them when it cannot tell."""
-        if not self.tells_reach:
-            return np.ones(len(world_from_tool), dtype=np.bool_)
+    def reachable(self, world_from_tool: FloatArray) -> BoolArray | None:
+        """Which of the poses (N, 4, 4) the arm says it can take; None when the bridge does not say it."""
+        if not self.client.can(Ability.REACH):
+            return None
         return self.client.reach(np.asarray(world_from_tool, dtype=np.float64))
 
     def move_to_pose(self, world_from_tool: FloatArray, speed_share: float | None = None) -> ToolState:
