@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from surfuse.bridge.messages import Ability, ArmKind, ArmOfBridge, CameraOfBridge, Hello, State
 from surfuse.commands.acquire.acquisition import acquire
 from surfuse.commands.acquire.dry_run import dry_run
 from surfuse.commands.acquire.planning import obstacles
@@ -38,6 +39,7 @@ def module_of(path: Path):
 pretended = module_of(HERE / "pretended_rig.py")
 joint_rig = module_of(HERE / "test_any_devices.py").JointRig
 seven = module_of(HERE.parent / "arms" / "test_model_file.py").seven
+table = module_of(HERE / "box_on_a_table.py")
 LASER = 'kind = "laser"\nbeam_full_angle_deg = 1.0\nrange_min_m = 0.05\nrange_max_m = 1.5\nsigma_m = 0.001\n'
 DOWN = np.diag([1.0, -1.0, -1.0])
 
@@ -193,3 +195,67 @@ def test_a_part_as_tall_as_the_standoff_is_warned_of_and_not_walled_off(tmp_path
         ).summary
     assert found["stops"] == 35
     assert any("area.tallest_m = 0.3 leaves 0 mm" in warning for warning in found["warnings"])
+
+
+class SeenRig(table.BoxRig):
+    """The arm beside a box that a camera over it sees; only its joints are known."""
+
+    world_from_camera = table.above(0.45, 0.0, 0.75)
+
+    def __init__(self, kinematics, joints_rad):
+        super().__init__([table.Box(0.45, 0.0, degrees=0.0)])
+        self.kinematics, self.joints_rad = kinematics, joints_rad
+        self.pose = kinematics.forward(joints_rad)
+
+    def hello(self):
+        camera, can = CameraOfBridge(table.WIDTH, table.HEIGHT), frozenset({Ability.IMAGE})
+        return Hello("seen", ArmOfBridge(ArmKind.JOINTS, len(self.joints_rad)), ("us0",), camera, can)
+
+    def state(self):
+        return State(self._now_s(), None, self.joints_rad)
+
+    def move(self, to):
+        self.joints_rad = np.array(to.joints_rad)
+        self.pose = self.kinematics.forward(self.joints_rad)
+        self.moves.append(self.pose)
+        return self.state()
+
+
+def seen(folder: Path, address: str, search: str):
+    path = folder / "rig.toml"
+    mounted = f"world_from_camera = {SeenRig.world_from_camera.ravel().tolist()}"
+    path.write_text(
+        f'[arm]\ndriver = "bridge"\naddress = "{address}"\nfile = "{folder / "arm.urdf"}"\ntool = "tool"\n'
+        f'[[sensor]]\nname = "us0"\n{LASER}[camera]\ndriver = "bridge"\nmounted = "fixed"\n{mounted}\n'
+        f"width_px = {table.WIDTH}\nheight_px = {table.HEIGHT}\nfx_px = {table.FX}\nfy_px = {table.FY}\n"
+        f"cx_px = {table.CX}\ncy_px = {table.CY}\n[search]\n{search}\n"
+        '[scan]\nstep_m = 0.02\nstandoff_m = 0.3\n[fusion]\nmethod = "median"\n',
+        "utf-8",
+    )
+    return load(path)
+
+
+def test_a_part_that_a_camera_found_is_kept_clear_of_too(tmp_path):
+    plane = f"plane = {{ origin_m = [0.0, 0.0, {table.TABLE_M}] }}\n"
+    with Rig(tmp_path, arm_text(PROBE)) as drawn:
+        rig = SeenRig(drawn.rig.kinematics, drawn.rig.joints_rad)
+    with pretended.Served(rig) as served:
+        tall = seen(tmp_path, served.address, f"{plane}tallest_m = 0.2")
+        with pytest.raises(DataError, match=r"\d+ clearance to the part"):
+            acquire(tall, tmp_path / "run", SilentWatcher(), yes=True)
+        assert not rig.moves
+        low = seen(tmp_path, served.address, f"{plane}tallest_m = 0.05")
+        found = dry_run(low, None, SilentWatcher()).summary
+        assert not rig.moves
+        assert found["skipped"] == []
+        assert "part up to 50 mm" in found["collisions"]
+        assert acquire(low, tmp_path / "scan", SilentWatcher(), yes=True).complete
+
+
+def test_on_a_ring_table_a_real_arm_has_floor_table_and_the_part_below_its_sensors(tmp_path):
+    with Rig(tmp_path, arm_text()) as rig:
+        area = outline_of(rig.settings().area)
+    settings = seen(tmp_path, "tcp://127.0.0.1:1", "tallest_m = 0.02")
+    solids = obstacles(settings, area)
+    assert [solid.name for solid in solids] == ["the floor", "the table", "the part"]
+    assert solids[2].upper_m[2] == pytest.approx(0.02)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from surfuse.commands.acquire.acquisition import acquire, resume
+from surfuse.commands.acquire.dry_run import dry_run
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import ConfigError, DataError, DeviceError, UnreachableError
 from surfuse.exporters import nc
@@ -99,6 +100,8 @@ def test_a_scan_of_joints_plays_back_also_in_two_parts_from_two_folders(of_joint
     run, keys = of_joints
     monkeypatch.chdir(run.parent)
     arm = f'driver = "recorded"\nlog = "{run.name}"\n{keys}'
+    told = dry_run(load(cell(tmp_path, arm, dict.fromkeys(PLACES, 'driver = "recorded"'))), None, SilentWatcher())
+    assert told.summary["collisions"] == "not checked: a recorded arm moves nothing"
     assert not play(tmp_path, arm, watcher=any_devices.StopsAfter(5)).complete
     monkeypatch.chdir(Path(run.anchor))
     assert resume(tmp_path / "again", SilentWatcher(), yes=True).complete

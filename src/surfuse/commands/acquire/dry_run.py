@@ -43,7 +43,8 @@ def dry_run(settings: Settings, out: Path | None, watcher: Watcher) -> Outcome:
         outline = _outline(rig, settings, watcher)
         plan = plan_for(rig, settings, outline, watcher)
         reach, collisions = _reach(rig, plan), _collisions(rig, settings)
-        arm = None if out is None else arm_view(rig, settings, outline, plan)
+        part = plan.outline if settings.arm.is_real else outline
+        arm = None if out is None else arm_view(rig, settings, part, plan)
     seconds = predicted_s(plan, rig, settings)
     notes = doubts(settings, rig.specs, plan)
     for note in notes:

@@ -14,7 +14,7 @@ from surfuse.plan.advice import BELOW, way_to_move, where_and_why
 from surfuse.plan.margin import margin_on_plane, scan_area
 from surfuse.plan.pose_plan import pose_plan
 from surfuse.plan.reach import ReachParameters
-from surfuse.plan.scan_plan import PlanParameters, scan_plan, skipped_by_kind
+from surfuse.plan.scan_plan import PlanParameters, area_to_scan, scan_plan, skipped_by_kind
 from surfuse.records import BoolArray, FloatArray, FusionScene, Outline, ScanPlan
 from surfuse.rig.area import check_faces
 from surfuse.rig.devices import JointMotion, Rig
@@ -73,7 +73,9 @@ def _parameters(settings: Settings, outline: Outline) -> PlanParameters:
 
 def _plan_of_joints(motion: JointMotion, settings: Settings, outline: Outline, parameters: PlanParameters) -> ScanPlan:
     start = motion.arm.joint_state().position_rad
-    check = None if motion.clearance is None else motion.clearance(obstacles(settings, outline))
+    # Every move of a real arm is checked again, and all that is left of the outline then is the one with its margin.
+    part = area_to_scan(outline, parameters) if settings.arm.is_real else outline
+    check = None if motion.clearance is None else motion.clearance(obstacles(settings, part))
     limits = ReachParameters(clearance_min_m=settings.arm.clearance_m)
     return scan_plan(outline, motion.arm.kinematics, start, check, parameters, limits)
 
