@@ -4,6 +4,7 @@ from surfuse.settings.looking_tables import CameraSettings, RangerSettings, Sear
 from surfuse.settings.sections import (
     BUS_PINGS_LIMIT,
     NO_BUS,
+    RECORDED_DRIVER,
     AirSettings,
     ArmSettings,
     ArraySettings,
@@ -25,6 +26,7 @@ from surfuse.settings.sections import (
 __all__ = [
     "BUS_PINGS_LIMIT",
     "NO_BUS",
+    "RECORDED_DRIVER",
     "AirSettings",
     "ArmSettings",
     "ArraySettings",

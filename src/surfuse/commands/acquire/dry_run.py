@@ -90,7 +90,7 @@ def predicted_s(plan: ScanPlan, specs: Sequence[SensorSpec], settings: Settings)
         return 0.0
     way_m = float(np.sum(np.linalg.norm(np.diff(plan.world_from_grip[:, :3, 3], axis=0), axis=1)))
     at_stop_s = settings.arm.settle_s + sum(spec.firing_time_s for spec in specs)
-    return way_m / (_TOOL_SPEED_M_S * settings.arm.speed_share) + len(plan) * at_stop_s
+    return way_m / (_TOOL_SPEED_M_S * (settings.arm.speed_share or 1.0)) + len(plan) * at_stop_s
 
 
 def _outline(rig: Rig, settings: Settings, watcher: Watcher) -> Outline:

@@ -59,10 +59,11 @@ def _approach(job: Job, motion: JointMotion, outline: Outline, plan: ScanPlan, s
     else:
         check, least_m = motion.clearance(around), job.settings.arm.clearance_m
         way = list(approach(here, target, motion.arm.kinematics, check, least_m))
+    share = None if job.rig.simulated else FIRST_MOVES_SHARE
     for joints in way:
         if job.watcher.stop_requested():
             return
-        motion.arm.move_to(joints)
+        motion.arm.move_to(joints, share)
 
 
 def _rise(job: Job, plan: ScanPlan, stop: int) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from surfuse import registry
 from surfuse.arms import bridge as bridge_arm
+from surfuse.bridge.patience import Patience
 from surfuse.bridge.shared import BridgeClock, SharedBridge
 from surfuse.errors import ConfigError
 from surfuse.extras import needed_by
@@ -19,12 +20,12 @@ from surfuse.interfaces import MACHINE_CLOCK, Arm, Clock, PoseArm, PoseArmSurrou
 from surfuse.motion.arm_surroundings import ArmSurroundings
 from surfuse.motion.planners import slowed
 from surfuse.records import FloatArray
-from surfuse.rig.described_sensors import places
+from surfuse.rig.described_sensors import described_spec, places
 from surfuse.rig.devices import JointMotion, Rig, Stamps
 from surfuse.rig.real.camera import real_lookout
 from surfuse.rig.real.joint_bridge import JointBridgeArm
 from surfuse.rig.real.recordings import Recordings
-from surfuse.rig.real.sensors import array_of
+from surfuse.rig.real.sensors import array_of, assumed_spec
 from surfuse.rig.real.sources import BRIDGE
 from surfuse.settings import Settings
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from surfuse.arm_models.model_file import ModelFileArm
 
 _SHARED = {"speed_share", "settle_s"}
+_PATIENT = 2.0  # times the time that the sensors say they need, until a sweep is given up
 
 
 def real_rig(settings: Settings) -> Rig:
@@ -95,7 +97,17 @@ def _bridge(settings: Settings) -> SharedBridge | None:
     """The bridge of the arm, shared with the sensors; None for an arm with a driver of its own."""
     if settings.arm.driver != "bridge":
         return None
-    return bridge_arm.shared_bridge(_bridge_parameters(settings, None))
+    parameters = _bridge_parameters(settings, None)
+    if parameters.sweep_timeout_s is None:
+        parameters = replace(parameters, sweep_timeout_s=_sweep_timeout_s(settings))
+    return bridge_arm.shared_bridge(parameters)
+
+
+def _sweep_timeout_s(settings: Settings) -> float:
+    """Twice the time that the sensors behind the bridge need one after the other, at least the usual patience."""
+    behind = [described_spec(one, assumed_spec(one)) for one in settings.sensor if one.driver == BRIDGE]
+    firing_s = sum(spec.firing_time_s for spec in behind)
+    return max(Patience.sweep_timeout_s, _PATIENT * firing_s)
 
 
 def _bridge_parameters(settings: Settings, bridge: SharedBridge | None) -> bridge_arm.Parameters:
@@ -108,8 +120,8 @@ def _bridge_parameters(settings: Settings, bridge: SharedBridge | None) -> bridg
 def _table(settings: Settings, parameters: type) -> dict[str, object]:
     """The driver's keys of the table `[arm]`, and those that it shares with every arm where the user gave them."""
     known = {field.name for field in fields(parameters)}
-    given = settings.arm.model_fields_set & known & _SHARED
-    return {**{name: getattr(settings.arm, name) for name in given}, **settings.arm.parameters}
+    given = {name: getattr(settings.arm, name) for name in settings.arm.model_fields_set & known & _SHARED}
+    return {**{name: value for name, value in given.items() if value is not None}, **settings.arm.parameters}
 
 
 def _pose_arm(
@@ -142,16 +154,17 @@ def _joint_arm(
     model = described_model(settings, grip)
     name = own.driver or ""
     if bridge is not None:
-        around = ArmSurroundings(model, slowed(model.limits, own.speed_share), clock)
-        return JointBridgeArm(bridge, around, None if own.speed_share == 1.0 else own.speed_share)
+        around = ArmSurroundings(model, slowed(model.limits, own.share_of_speed), clock)
+        return JointBridgeArm(bridge, around, own.speed_share)
     if name == Recordings.DRIVER:
         return recordings.joint_arm(ArmSurroundings(model, model.limits, clock))
     module = registry.load("arms", name)
     # All that it shares with every arm, given or not: a resumed run, whose file says all keys, moves as it did before.
-    shared = {field.name: getattr(own, field.name) for field in fields(module.Parameters) if field.name in _SHARED}
+    known = {"speed_share": own.share_of_speed, "settle_s": own.settle_s}
+    shared = {field.name: known[field.name] for field in fields(module.Parameters) if field.name in known}
     table = {**shared, **own.parameters}
     # A driver that knows the share of the speed slows its moves itself.
-    around = ArmSurroundings(model, slowed(model.limits, 1.0 if "speed_share" in shared else own.speed_share), clock)
+    around = ArmSurroundings(model, slowed(model.limits, 1.0 if "speed_share" in shared else own.share_of_speed), clock)
     made: Arm = module.create(registry.parameters("arms", name, table, "arm", around))
     return made
 
