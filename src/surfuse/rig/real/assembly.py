@@ -99,11 +99,11 @@ def _bridge(settings: Settings) -> SharedBridge | None:
         return None
     parameters = _bridge_parameters(settings, None)
     if parameters.sweep_timeout_s is None:
-        parameters = replace(parameters, sweep_timeout_s=_sweep_timeout_s(settings))
+        parameters = replace(parameters, sweep_timeout_s=sweep_timeout_s(settings))
     return bridge_arm.shared_bridge(parameters)
 
 
-def _sweep_timeout_s(settings: Settings) -> float:
+def sweep_timeout_s(settings: Settings) -> float:
     """Twice the time that the sensors behind the bridge need one after the other, at least the usual patience."""
     behind = [described_spec(one, assumed_spec(one)) for one in settings.sensor if one.driver == BRIDGE]
     firing_s = sum(spec.firing_time_s for spec in behind)
