@@ -177,8 +177,10 @@ class Arm(Device, Protocol):
     @property
     def kinematics(self) -> Kinematics: ...
     def joint_state(self) -> JointState: ...
-    def move_to(self, joints_rad: FloatArray) -> JointState:
+    def move_to(self, joints_rad: FloatArray, speed_share: float | None = None) -> JointState:
         """Go there, settle, and return the state as reached.
+
+        `speed_share` in (0, 1] of the arm's joint speeds, where that is slower than it is set to; None: as it is set.
 
         Raises
         ------

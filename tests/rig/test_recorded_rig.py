@@ -48,7 +48,8 @@ def cell(folder, arm, sensors, area=AREA):
 
 def play(folder, arm, names=("a", "b"), area=AREA, out="again", watcher=None):
     path = cell(folder, arm, dict.fromkeys(names, 'driver = "recorded"'), area)
-    return acquire(load(path), folder / out, watcher or SilentWatcher(), yes=True)
+    # Nothing moves, so nobody is asked.
+    return acquire(load(path), folder / out, watcher or SilentWatcher())
 
 
 @pytest.fixture

@@ -36,7 +36,8 @@ class Parameters:
     command : the program and its arguments, which then talks on its standard input and output.
     allow_remote : whether the address may be another machine; nothing on the way is authenticated or encrypted.
     speed_share : share in (0, 1] of the arm's own speed; None leaves it to the bridge.
-    answer_timeout_s, sweep_timeout_s, move_timeout_s : longest waits for one answer.
+    answer_timeout_s, sweep_timeout_s, move_timeout_s : longest waits for one answer; a rig gives None for the sweep
+        twice the time that its sensors need, at least 4 s.
     give_up_s : how long a bridge that does not answer is tried before the run ends with a device error.
     position_tolerance_m, angle_tolerance_rad : between the pose sent and the pose reached, and of an arm at rest.
     """
@@ -46,7 +47,7 @@ class Parameters:
     allow_remote: bool = False
     speed_share: float | None = None
     answer_timeout_s: float = Patience.answer_timeout_s
-    sweep_timeout_s: float = Patience.sweep_timeout_s
+    sweep_timeout_s: float | None = None
     move_timeout_s: float = Patience.move_timeout_s
     give_up_s: float = Patience.give_up_s
     position_tolerance_m: float = Tolerances.position_tolerance_m
@@ -68,7 +69,7 @@ class Parameters:
         """The waits."""
         return Patience(
             answer_timeout_s=self.answer_timeout_s,
-            sweep_timeout_s=self.sweep_timeout_s,
+            sweep_timeout_s=Patience.sweep_timeout_s if self.sweep_timeout_s is None else self.sweep_timeout_s,
             move_timeout_s=self.move_timeout_s,
             give_up_s=self.give_up_s,
         )

@@ -1,6 +1,6 @@
 """The validated configuration: what a person may write into a cell file or pass with `--set key.path=value`."""
 
-from surfuse.settings.arm_table import SIMULATED_DRIVERS, ArmSettings
+from surfuse.settings.arm_table import RECORDED_DRIVER, SIMULATED_DRIVERS, ArmSettings
 from surfuse.settings.configuration import Settings
 from surfuse.settings.kit_tables import (
     BUS_PINGS_LIMIT,
@@ -24,6 +24,7 @@ from surfuse.settings.sections import (
 __all__ = [
     "BUS_PINGS_LIMIT",
     "NO_BUS",
+    "RECORDED_DRIVER",
     "SCENES",
     "SIMULATED_DRIVERS",
     "AirSettings",

@@ -12,6 +12,8 @@ from surfuse.settings.rig_tables import Value, own_keys
 from surfuse.settings.section import Section
 
 SIMULATED_DRIVERS = ("trident", "kinematic", "simulated")
+RECORDED_DRIVER = "recorded"
+_REAL_SPEED_SHARE = 0.5  # of the joint speeds of a real arm, where nobody said how fast it may be
 
 
 class ArmSettings(Section):
@@ -39,7 +41,13 @@ class ArmSettings(Section):
     )
     joint_speed_deg_s: float = Field(60.0, gt=0.0, le=1000.0, description="of every joint of an arm file")
     joint_acceleration_deg_s2: float = Field(120.0, gt=0.0, le=10000.0, description="of every joint of an arm file")
-    speed_share: float = Field(1.0, gt=0.0, le=1.0, description="share of the joint speeds and accelerations")
+    speed_share: float | None = Field(
+        None,
+        gt=0.0,
+        le=1.0,
+        description="share of the joint speeds and accelerations; default: 1 in the simulated cell, 0.5 of a real arm, "
+        "behind a bridge what that takes by itself",
+    )
     settle_deg: float | None = Field(
         None,
         gt=0.0,
@@ -88,6 +96,18 @@ class ArmSettings(Section):
         if self.driver is None:
             return "trident" if self.file is None else "kinematic"
         return "trident" if self.driver == "trident" else "kinematic"
+
+    @property
+    def share_of_speed(self) -> float:
+        """The share of the speeds as set, else all of a simulated arm's and half of a real one's."""
+        if self.speed_share is not None:
+            return self.speed_share
+        return _REAL_SPEED_SHARE if self.is_real else 1.0
+
+    @property
+    def is_played_back(self) -> bool:
+        """Whether it is the record of an arm, so that nothing moves."""
+        return self.driver == RECORDED_DRIVER
 
     @property
     def is_real(self) -> bool:

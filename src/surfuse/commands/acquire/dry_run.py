@@ -86,7 +86,7 @@ def predicted_s(plan: ScanPlan, rig: Rig, settings: Settings) -> float:
         moving_s = float(np.sum(durations_s(plan.joints_rad[:-1], plan.joints_rad[1:], rig.motion.limits)))
     else:
         way_m = float(np.sum(np.linalg.norm(np.diff(plan.world_from_grip[:, :3, 3], axis=0), axis=1)))
-        moving_s = way_m / (_TOOL_SPEED_M_S * settings.arm.speed_share)
+        moving_s = way_m / (_TOOL_SPEED_M_S * (settings.arm.speed_share or 1.0))
     at_stop_s = settings.arm.settle_s + sum(spec.firing_time_s for spec in rig.specs)
     return moving_s + len(plan) * at_stop_s
 

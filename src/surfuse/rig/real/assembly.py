@@ -6,19 +6,22 @@ from dataclasses import fields, replace
 
 from surfuse import registry
 from surfuse.arms import bridge as bridge_arm
+from surfuse.bridge.patience import Patience
 from surfuse.bridge.shared import BridgeClock, SharedBridge
 from surfuse.errors import ConfigError
 from surfuse.geometry.sensor_array import tool_from_grip
 from surfuse.interfaces import MACHINE_CLOCK, Clock, PoseArm, PoseArmSurroundings
 from surfuse.records import FloatArray
-from surfuse.rig.described_sensors import places
+from surfuse.rig.described_sensors import described_spec, places
 from surfuse.rig.devices import Rig, Stamps
 from surfuse.rig.real.camera import real_lookout
 from surfuse.rig.real.joint_arm import SHARED, joint_motion
 from surfuse.rig.real.recordings import Recordings
-from surfuse.rig.real.sensors import array_of
+from surfuse.rig.real.sensors import array_of, assumed_spec
 from surfuse.rig.real.sources import BRIDGE
 from surfuse.settings import Settings
+
+_PATIENT = 2.0  # times the time that the sensors say they need, until a sweep is given up
 
 
 def real_rig(settings: Settings) -> Rig:
@@ -75,7 +78,17 @@ def _bridge(settings: Settings) -> SharedBridge | None:
     """The bridge of the arm, shared with the sensors; None for an arm with a driver of its own."""
     if settings.arm.driver != "bridge":
         return None
-    return bridge_arm.shared_bridge(_bridge_parameters(settings, None))
+    parameters = _bridge_parameters(settings, None)
+    if parameters.sweep_timeout_s is None:
+        parameters = replace(parameters, sweep_timeout_s=sweep_timeout_s(settings))
+    return bridge_arm.shared_bridge(parameters)
+
+
+def sweep_timeout_s(settings: Settings) -> float:
+    """Twice the time that the sensors behind the bridge need one after the other, at least the usual patience."""
+    behind = [described_spec(one, assumed_spec(one)) for one in settings.sensor if one.driver == BRIDGE]
+    firing_s = sum(spec.firing_time_s for spec in behind)
+    return max(Patience.sweep_timeout_s, _PATIENT * firing_s)
 
 
 def _bridge_parameters(settings: Settings, bridge: SharedBridge | None) -> bridge_arm.Parameters:
@@ -88,8 +101,8 @@ def _bridge_parameters(settings: Settings, bridge: SharedBridge | None) -> bridg
 def _table(settings: Settings, parameters: type) -> dict[str, object]:
     """The driver's keys of the table `[arm]`, and those that it shares with every arm where the user gave them."""
     known = {field.name for field in fields(parameters)}
-    given = settings.arm.model_fields_set & known & SHARED
-    return {**{name: getattr(settings.arm, name) for name in given}, **settings.arm.parameters}
+    given = {name: getattr(settings.arm, name) for name in settings.arm.model_fields_set & known & SHARED}
+    return {**{name: value for name, value in given.items() if value is not None}, **settings.arm.parameters}
 
 
 def _pose_arm(

@@ -55,7 +55,7 @@ def joint_motion(
     # A little less than what is planned with: the arm starts from where it was sent, not quite from where it is.
     check = MoveCheck(shape.clearance, max(own.clearance_m - _PLANNED_M, 0.0))
     arm = _commanded(settings, ArmSurroundings(model, model.limits, clock, check), bridge)
-    motion = JointMotion(arm, link_poses=model.link_poses, limits=slowed(model.limits, own.speed_share))
+    motion = JointMotion(arm, link_poses=model.link_poses, limits=slowed(model.limits, own.share_of_speed))
     if isinstance(arm, JointBridgeArm):
         # Whether an arm behind a bridge has moved while the array fired is only known by asking.
         motion = replace(motion, look_again=arm.joint_state)
@@ -86,13 +86,14 @@ def described_model(settings: Settings, tool_from_grip: FloatArray) -> ModelFile
 def _commanded(settings: Settings, around: ArmSurroundings, bridge: SharedBridge | None) -> Arm:
     """The driver of the arm; `around` has the limits of its whole speed."""
     own = settings.arm
-    slow = replace(around, limits=slowed(around.limits, own.speed_share))
+    slow = replace(around, limits=slowed(around.limits, own.share_of_speed))
     if bridge is not None:
-        return JointBridgeArm(bridge, slow, None if own.speed_share == 1.0 else own.speed_share)
+        return JointBridgeArm(bridge, slow, own.speed_share)
     name = own.driver or ""
     module = registry.load("arms", name)
     # All that it shares with every arm, given or not: a resumed run, whose file says all keys, moves as it did before.
-    shared = {field.name: getattr(own, field.name) for field in fields(module.Parameters) if field.name in SHARED}
+    known = {"speed_share": own.share_of_speed, "settle_s": own.settle_s}
+    shared = {field.name: known[field.name] for field in fields(module.Parameters) if field.name in known}
     # A driver that knows the share of the speed slows its moves itself.
     surroundings = around if "speed_share" in shared else slow
     made: Arm = module.create(registry.parameters("arms", name, {**shared, **own.parameters}, "arm", surroundings))
