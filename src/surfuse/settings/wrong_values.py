@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import get_args
 
 from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
 
 from surfuse.errors import nearest
 from surfuse.settings.configuration import Settings
@@ -23,15 +23,33 @@ _VECTORS = ("position_m", "axis", "origin_m", "u", "v", "normal", "region_px", "
 Place = tuple[int | str, ...]
 
 
+@dataclass(frozen=True)
+class _Problem:
+    """One thing that is wrong: pydantic's name for it, where it is, the value, its words and the limits in them."""
+
+    kind: str
+    place: Place
+    given: object
+    message: str
+    limits: Mapping[str, object]
+
+
+def _problems(error: ValidationError) -> list[_Problem]:
+    return [
+        _Problem(one["type"], tuple(one["loc"]), one["input"], one["msg"], one.get("ctx", {}))
+        for one in error.errors(include_url=False)
+    ]
+
+
 def explain(error: ValidationError, tree: Mapping[str, object]) -> str:
     """The first problem of the configuration `tree`."""
-    problems = error.errors(include_url=False)
+    problems = _problems(error)
     problem = problems[0]
-    place, more = tuple(problem["loc"]), f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    if problem["type"] == "extra_forbidden":
+    place, more = problem.place, f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    if problem.kind == "extra_forbidden":
         return _unknown_key(place, more)
     path = _path(place, tree)
-    if problem["type"] == "missing" and isinstance(place[-1], str):
+    if problem.kind == "missing" and isinstance(place[-1], str):
         return f"{_path(place[:-1], tree)} has no {place[-1]}{more}; add the key '{place[-1]}'"
     if (table := _table_trouble(problem, path)) is not None:
         return f"{table}{more}"
@@ -40,13 +58,13 @@ def explain(error: ValidationError, tree: Mapping[str, object]) -> str:
     if place[:2] == ("fusion", "parameters") and len(place) > _PARAMETER_PLACE:
         # One problem for every type that a parameter may have; the last word of the place is that type.
         shown = _path(place[:_PARAMETER_PLACE], tree)
-        return f"{shown} = {_shown(problem['input'])}: give a finite number, a text, true or false"
+        return f"{shown} = {_shown(problem.given)}: give a finite number, a text, true or false"
     if "parameters" in place and place[0] in (*_DRIVEN, *_LISTS):
         of_driver = place.index("parameters")
         shown = _path((*place[:of_driver], place[of_driver + 1]), tree)
-        given = _shown(problem["input"])
+        given = _shown(problem.given)
         return f"{shown} = {given}: give a finite number, a text, true or false, or a list of texts or of numbers"
-    return f"{path} = {_shown(problem['input'])}: {_words(problem)}{more}"
+    return f"{path} = {_shown(problem.given)}: {_words(problem)}{more}"
 
 
 def _unknown_key(place: Place, more: str) -> str:
@@ -58,9 +76,9 @@ def _unknown_key(place: Place, more: str) -> str:
     return f"unknown key '{path}'{more}; {home}{nearest(key, valid)}"
 
 
-def _table_trouble(problem: ErrorDetails, path: str) -> str | None:
+def _table_trouble(problem: _Problem, path: str) -> str | None:
     """A table where a value stands, one bracket where two belong, or the reverse; None for other trouble."""
-    kind, given, name = problem["type"], problem["input"], str(problem["loc"][-1]) if problem["loc"] else ""
+    kind, given, name = problem.kind, problem.given, str(problem.place[-1]) if problem.place else ""
     if kind == "tuple_type" and name in _LISTS:
         if isinstance(given, Mapping):
             return f"[{name}] is one table, and there may be several; write [[{name}]], with two brackets, for each"
@@ -72,27 +90,26 @@ def _table_trouble(problem: ErrorDetails, path: str) -> str | None:
     return f"{path} = {_shown(given)}: it is a table, not a value; write {path}.KEY=VALUE"
 
 
-def _wrong_count(problem: ErrorDetails, problems: list[ErrorDetails], tree: Mapping[str, object]) -> str | None:
+def _wrong_count(problem: _Problem, problems: list[_Problem], tree: Mapping[str, object]) -> str | None:
     """Too few or too many values in a row; None for other trouble."""
-    place, given = tuple(problem["loc"]), problem["input"]
-    if problem["type"] == "missing":
+    place, given = problem.place, problem.given
+    if problem.kind == "missing":
         place = place[:-1]
-        ends = [one["loc"][-1] for one in problems if tuple(one["loc"][:-1]) == place and one["type"] == "missing"]
+        ends = [one.place[-1] for one in problems if one.place[:-1] == place and one.kind == "missing"]
         wanted = max(end for end in ends if isinstance(end, int)) + 1
-    elif problem["type"] in ("too_long", "too_short"):
-        context = problem.get("ctx", {})
-        wanted = int(context.get("max_length", context.get("min_length", 0)))
+    elif problem.kind in ("too_long", "too_short"):
+        wanted = int(str(problem.limits.get("max_length", problem.limits.get("min_length", 0))))
     else:
         return None
     found = len(given) if isinstance(given, list | tuple) else 0
-    exact = problem["type"] == "missing" or place[-1] in _VECTORS
+    exact = problem.kind == "missing" or place[-1] in _VECTORS
     limit = f"{wanted} are needed" if exact else f"at most {wanted} can be given"
     return f"{_path(place, tree)} = {_shown(given)}: the number of values is {found}, and {limit}"
 
 
-def _words(problem: ErrorDetails) -> str:
+def _words(problem: _Problem) -> str:
     """What is wrong in pydantic's words, and what to write where the kind of the value is wrong."""
-    kind, given, message = problem["type"], problem["input"], problem["msg"][0].lower() + problem["msg"][1:]
+    kind, given, message = problem.kind, problem.given, problem.message[0].lower() + problem.message[1:]
     if kind in ("list_type", "tuple_type"):
         return "several values are needed here; write them in square brackets, as [0.0, 0.0, 1.0]"
     cure = _in_metres(problem)
@@ -104,15 +121,15 @@ def _words(problem: ErrorDetails) -> str:
     elif kind == "string_type" and isinstance(given, bool | int | float):
         cure = f'write it in quotes: "{str(given).lower()}"'
     elif kind == "literal_error" and isinstance(given, str):
-        words = str(problem.get("ctx", {}).get("expected", "")).replace(" or ", ", ").split(", ")
+        words = str(problem.limits.get("expected", "")).replace(" or ", ", ").split(", ")
         likely = nearest(given, [word.strip("'") for word in words])
         cure = likely.partition("? ")[0] + "?" if "? " in likely else ""
     return f"{message}; {cure}" if cure else message
 
 
-def _in_metres(problem: ErrorDetails) -> str:
+def _in_metres(problem: _Problem) -> str:
     """A hint at millimetres, where a length is far above its limit."""
-    limit, given, key = problem.get("ctx", {}).get("le"), problem["input"], str(problem["loc"][-1])
+    limit, given, key = problem.limits.get("le"), problem.given, str(problem.place[-1])
     if not key.endswith("_m") or not isinstance(given, int | float) or not isinstance(limit, int | float):
         return ""
     return f"give metres ({given:g} mm are {1e-3 * given:g})" if given > limit else ""
