@@ -168,3 +168,71 @@ def test_the_control_law_is_one_of_the_plug_ins():
     assert load(None, ["arm.law=gravity_pd"]).arm.law == "gravity_pd"
     with pytest.raises(ConfigError, match=r"arm\.law = 'gravity_dp'; did you mean 'gravity_pd'"):
         load(None, ["arm.law=gravity_dp"])
+
+
+RIG = '[arm]\ndriver = "bridge"\naddress = "tcp://127.0.0.1:5005"\n'
+ONE = '[[sensor]]\nname = "us0"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('[sensor]\nname = "us0"\n', r"\[sensor\] is one table, .*; write \[\[sensor\]\], with two brackets"),
+        ("sensor = 3\n", r"sensor = 3: .* write a table \[\[sensor\]\] for each"),
+        ('[[arm]]\ndriver = "bridge"\n', r"\[\[arm\]\] makes a list of tables, .*; write \[arm\], with one bracket"),
+        ("[[area]]\nwidth_m = 1.0\n", r"write \[area\], with one bracket"),
+        (f"{ONE}position_m = [0.1, 0.2]\n", r"sensor 'us0': position_m = .*number of values is 2, and 3 are needed"),
+        (f"{ONE}axis = [0, 0, 1, 0]\n", r"sensor 'us0': axis = .*number of values is 4, and 3 are needed"),
+        (f"{ONE}position_m = 0.1\n", r"sensor 'us0': position_m = 0.1: .* in square brackets"),
+        (f'{ONE}position_m = ["0.1", 0, 0]\n', r"position_m\[0\] = '0.1': .* write it without quotes: 0.1"),
+        (f'{ONE}range_max_m = "1.2"\n', r"sensor 'us0': range_max_m = '1.2': .* write it without quotes: 1.2"),
+        (f'{ONE}kind = "ultrasonc"\n', r"sensor 'us0': kind = .*did you mean 'ultrasonic'\?"),
+        ('[[sensor]]\nkind = "laser"\n', r"sensor number 1 has no name; add the key 'name'"),
+        (f'{RIG}collision_check = "true"\n', r"arm.collision_check = 'true': .* write true without quotes"),
+        ("[arm]\ndriver = true\n", r'arm.driver = True: .* write it in quotes: "true"'),
+        ('[arm]\ndriver = "bridge"\ncommand = ["python3", 1]\n', r"arm.command = .* a list of texts or of numbers"),
+        ("[scan]\nstandoff_m = 430\n", r"scan.standoff_m = 430: .*10; give metres \(430 mm are 0.43\)"),
+        ("[scan]\nstep_m = 0,01   # one\n", r"not valid TOML: .*line 2.*; write numbers with a point: 0.01"),
+        ("standoff_m = 0.3\n", r"unknown key 'standoff_m'; it is a key of \[scan\]"),
+        (f"{ONE}axis = [0.0, 0.0, 90.0]\n", r"cell.toml: sensor 'us0': axis = .*wanted 1"),
+    ],
+)
+def test_a_slip_in_a_table_of_a_rig_says_what_to_write(tmp_path: Path, text: str, told: str):
+    (tmp_path / "cell.toml").write_text(text, "utf-8")
+    with pytest.raises(ConfigError, match=told):
+        load(tmp_path / "cell.toml")
+
+
+def test_files_that_a_cell_file_names_are_found_beside_it_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    rig, here = tmp_path / "rig", tmp_path / "here"
+    rig.mkdir()
+    here.mkdir()
+    for name in ("bridge.py", "arm.urdf", "part.stl", "both.csv"):
+        (rig / name).write_text("")
+    (here / "both.csv").write_text("")
+    words = '["python3", "bridge.py", "--port", "5", "nowhere.py"]'
+    (rig / "cell.toml").write_text(
+        f'[arm]\ndriver = "bridge"\ncommand = {words}\nfile = "arm.urdf"\ntool = "t"\n[area]\nmesh = "part.stl"\n',
+        "utf-8",
+    )
+    monkeypatch.chdir(here)
+    found = load(rig / "cell.toml")
+    assert found.arm.parameters["command"] == ["python3", str(rig / "bridge.py"), "--port", "5", "nowhere.py"]
+    assert found.arm.file == str(rig / "arm.urdf")
+    assert found.area is not None
+    assert found.area.mesh == str(rig / "part.stl")
+    # What is there where we are comes first, as it is written.
+    (rig / "cell.toml").write_text('[area]\noutline = "both.csv"\n', "utf-8")
+    area = load(rig / "cell.toml").area
+    assert area is not None
+    assert area.outline == "both.csv"
+
+
+def test_a_cell_file_that_is_not_there_names_those_that_are(tmp_path: Path):
+    for name in ("rig.toml", "sensors.toml"):
+        (tmp_path / name).write_text("")
+    for wrong in (tmp_path, tmp_path / "rig.tml"):
+        with pytest.raises(ConfigError, match=r"cannot read it .*there is rig.toml$"):
+            load(wrong)
+    with pytest.raises(ConfigError, match=r"surfuse init FOLDER"):
+        load(tmp_path / "nowhere" / "rig.toml")

@@ -177,8 +177,10 @@ class Arm(Device, Protocol):
     @property
     def kinematics(self) -> Kinematics: ...
     def joint_state(self) -> JointState: ...
-    def move_to(self, joints_rad: FloatArray) -> JointState:
+    def move_to(self, joints_rad: FloatArray, speed_share: float | None = None) -> JointState:
         """Go there, settle, and return the state as reached.
+
+        `speed_share` in (0, 1] of the arm's joint speeds, where that is slower than it is set to; None: as it is set.
 
         Raises
         ------
@@ -200,8 +202,8 @@ class PoseArm(Device, Protocol):
         DeviceError : the arm does not answer.
         """
 
-    def reachable(self, world_from_tool: FloatArray) -> BoolArray:
-        """Which of the poses (N, 4, 4) the arm can take: (N,); all of them when it cannot tell."""
+    def reachable(self, world_from_tool: FloatArray) -> BoolArray | None:
+        """Which of the poses (N, 4, 4) the arm can take: (N,); None when it cannot tell."""
 
     def move_to_pose(self, world_from_tool: FloatArray, speed_share: float | None = None) -> ToolState:
         """Go to a pose (4, 4), settle, and return the state as reached.

@@ -95,7 +95,7 @@ def test_the_model_corrects_the_ranges_of_the_next_log(tmp_path):
     sheet, model = tmp_path / "sensors.toml", tmp_path / "model.toml"
     outcome = accept(str(sheet), None, None, model, TrialSource(log=log, distances_m=distances))
     assert "bias" in outcome.summary["faults"]
-    found = read_corrections(model)[0]
+    found = read_corrections(model)[0].inverse
     assert found.offset_m == pytest.approx(0.004, abs=2e-6)
     assert found.scale == pytest.approx(1.02, abs=2e-6)
     corrected = load_scan(log, sensors=model).readings.range_m

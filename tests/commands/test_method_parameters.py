@@ -44,8 +44,11 @@ def test_every_parameter_is_explained_and_has_a_unit_or_none(name):
 
 
 def test_an_unknown_method_gets_the_nearest():
+    """A name in a file is a wrong value of the configuration, one that was asked for is a wrong word."""
+    with pytest.raises(ConfigError, match=r"fusion.method = 'medain': .*did you mean 'median'"):
+        create_method(FusionSettings(method="medain"))
     with pytest.raises(UsageError, match="did you mean 'median'"):
-        create_method(settings("medain"))
+        create_method(FusionSettings(), "medain")
 
 
 def test_an_unknown_parameter_gets_the_nearest():

@@ -100,6 +100,8 @@ def test_what_the_logs_cannot_determine_stays_open_with_the_reason() -> None:
     # Without a scale the offset holds at the distance of the plate.
     assert model.facing.offset_m == pytest.approx(OFFSET_M + (SCALE - 1.0) * 0.43, abs=2e-4)
     written = tomllib.loads(model_toml(model))
+    assert written["us0"]["range_correction"] == "reading_to_true"
+    assert written["us0"]["offset_m"] == -model.facing.offset_m[0]
     assert set(written) == {"us0", "us1"}
     assert "scale" not in written["us0"]
     with pytest.raises(DataError, match="0 echoes of a facing plate"):

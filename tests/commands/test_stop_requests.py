@@ -61,9 +61,9 @@ class Watched:
     def __exit__(self, *reason):
         return self._arm.__exit__(*reason)
 
-    def move_to(self, joints_rad):
+    def move_to(self, joints_rad, speed_share=None):
         self._watcher.count("move")
-        return self._arm.move_to(joints_rad)
+        return self._arm.move_to(joints_rad, speed_share)
 
     def start(self, motion):
         self._watcher.count("line")

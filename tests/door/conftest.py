@@ -30,6 +30,7 @@ aperture_m = 0.04
 incidence_limit_deg = 30.0
 dead_length_m = 0.01
 firing_time_s = 0.02
+range_correction = "reading_to_true"
 offset_m = 0.003
 scale = 1.01
 late_tilt_deg = [0.0, 10.0]

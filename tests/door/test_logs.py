@@ -218,7 +218,7 @@ N = 155
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"t_s": np.zeros((N, 1))}, ["sf.log: t_s", "(155, 1)", "shape (N)"]),
+        ({"t_s": np.zeros((N, 1))}, ["sf.log: t_s", "(155, 1)", "give numbers in a list or array of one dimension"]),
         ({"t_s": 3.0}, ["t_s", "()"]),
         ({"t_s": []}, ["no readings"]),
         ({"t_s": ["1.0"] * N}, ["t_s", "give numbers"]),
@@ -238,6 +238,8 @@ N = 155
         ({"range_m": np.full(N, -0.1)}, ["range_m[0]", "-0.1"]),
         ({"range_m": np.full(N, 430.0)}, ["range_m[0]", "millimetres"]),
         ({"range_m": ["far"] * N}, ["range_m"]),
+        ({"range_m": [None] * N}, ["range_m holds None", "nan where there is none"]),
+        ({"stop": [-3, *range(N - 1)]}, ["stop[0]", "stop = -3", "0, 1, 2"]),
         ({"sensor": "a"}, ["sensor", "one text"]),
         ({"sensor": ["a"]}, ["sensor", "(1,)"]),
         ({"sensor": [["a"]] * N}, ["sensor"]),

@@ -197,8 +197,9 @@ def test_saving_keeps_the_map_and_what_is_there(surface, tmp_path):
     assert path == tmp_path / "surface.nc"
     opened = sf.open_map(path)
     assert opened.points.dc.tobytes() == surface.points.dc.tobytes()
-    with pytest.raises(sf.SurfuseError, match="exists"):
+    with pytest.raises(sf.SurfuseError, match=r"exists .*or overwrite=True to replace it") as refused:
         surface.save(path)
+    assert "--force" not in str(refused.value)
     surface.save(path, overwrite=True)
     with pytest.raises(sf.SurfuseError, match="export"):
         surface.save(tmp_path / "surface.ply")
@@ -213,7 +214,7 @@ def test_exporting_writes_the_format_of_the_suffix(surface, tmp_path):
     assert np.array_equal(exported.height_m, surface.height_m, equal_nan=True)
     with pytest.raises(sf.SurfuseError, match=r"\.banana"):
         surface.export(tmp_path / "part.banana")
-    with pytest.raises(sf.SurfuseError, match="exists"):
+    with pytest.raises(sf.SurfuseError, match=r"exists .*overwrite=True"):
         surface.export(tmp_path / "part.ply")
 
 

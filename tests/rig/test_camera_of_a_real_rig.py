@@ -407,7 +407,7 @@ class JointArm:
     def joint_state(self):
         return JointState(self.joints, 0.0)
 
-    def move_to(self, joints_rad):
+    def move_to(self, joints_rad, speed_share=None):
         self.joints = np.array(joints_rad)
         return self.joint_state()
 

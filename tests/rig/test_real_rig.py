@@ -5,18 +5,23 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from surfuse.arms import bridge as bridge_arm
+from surfuse.bridge.client import BridgeClient
 from surfuse.commands.acquire.acquisition import acquire, resume
 from surfuse.commands.acquire.dry_run import dry_run
 from surfuse.commands.machine.doctor import doctor
+from surfuse.commands.machine.starter import start
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import ConfigError, DeviceError, InterruptError, SafetyStopError, UnreachableError, UsageError
 from surfuse.exporters import nc
+from surfuse.rig.real.assembly import real_rig
 from surfuse.runs.log_reader import read_log
 from surfuse.settings import load
 
@@ -230,6 +235,59 @@ def test_a_bridge_that_dies_is_a_device_error_and_the_scan_goes_on_with_the_next
     assert_is_the_plane(tmp_path / "run")
 
 
+def test_a_bridge_that_falls_silent_in_a_sweep_is_given_up_after_one_wait(served, rig, tmp_path):
+    waiting, sweep = threading.Event(), rig.sweep
+
+    def silent(sensors):
+        if rig.sweeps == 4:
+            rig.sweeps += 1
+            waiting.wait(60.0)
+        return sweep(sensors)
+
+    rig.sweep = silent
+    path = cell(tmp_path, served.address, more="sweep_timeout_s = 0.4\ngive_up_s = 0.5")
+    told = r"no answer to 'sweep' within 0.4 s; .* firing_time_s, or a longer arm.sweep_timeout_s"
+    with pytest.raises(DeviceError, match=told) as given_up:
+        acquire(load(path), tmp_path / "run", SilentWatcher(), yes=True)
+    assert given_up.value.exit_status == 4
+    assert len(read_log(tmp_path / "run").sweeps) == 4
+    waiting.set()
+    assert resume(tmp_path / "run", SilentWatcher(), yes=True).complete
+    assert_is_the_plane(tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("firing_s", "more", "wait_s"),
+    [([], "", 4.0), ([1.0, 1.0], "", 4.0), ([1.5, 2.0], "", 7.0), ([1.5, 2.0], "sweep_timeout_s = 3.0", 3.0)],
+)
+def test_slow_sensors_are_waited_for_twice_their_time_and_others_less_than_five_seconds(
+    served, rig, tmp_path, monkeypatch, firing_s, more, wait_s
+):
+    sensors = "".join(
+        f'[[sensor]]\nname = "us{k}"\n{LASER}firing_time_s = {seconds}\n' for k, seconds in enumerate(firing_s)
+    )
+    # A sensor with a driver of its own is not fired by the bridge, so that its time does not count.
+    own = 'driver = "tfmini"\nmodel = "tfmini-plus"\nport = "?"\nfiring_time_s = 60.0\n'
+    beside = f'[[sensor]]\nname = "slow"\n{own}{LASER}'
+    waits = []
+
+    class Patient(BridgeClient):
+        def __init__(self, transport, patience, tolerances):
+            waits.append(patience)
+            super().__init__(transport, patience, tolerances)
+
+    monkeypatch.setattr(bridge_arm, "BridgeClient", Patient)
+    made = real_rig(
+        load(cell(tmp_path, served.address, (sensors or f'[[sensor]]\nname = "us0"\n{LASER}') + beside, more))
+    )
+    with made.poses:
+        made.poses.tool_state()
+    (patience,) = waits
+    assert patience.sweep_timeout_s == wait_s
+    # A sweep that is not answered is not asked again: the second wait would end after the bridge is given up.
+    assert 2.0 * patience.sweep_timeout_s > patience.give_up_s
+
+
 def test_sensors_of_any_kinds_and_places_scan_together(tmp_path):
     rig = pretended.PretendedRig(("a", "b", "c"), [(0.03, 0.0, 0.01), (-0.03, 0.0, 0.0), (0.0, 0.02, -0.01)])
     places = {"a": [0.03, 0.0, 0.01], "b": [-0.03, 0.0, 0.0], "c": [0.0, 0.02, -0.01]}
@@ -303,5 +361,27 @@ def test_a_command_in_one_text_is_shown_as_the_list_that_it_should_be(tmp_path):
 def test_a_dry_run_knows_the_method_that_the_scan_would_refuse(served, tmp_path):
     path = cell(tmp_path, served.address)
     path.write_text(path.read_text("utf-8").replace('method = "mean"', 'method = "maen"'), "utf-8")
-    with pytest.raises(UsageError, match="did you mean 'mean'"):
+    with pytest.raises(ConfigError, match=r"fusion.method = 'maen': .* did you mean 'mean'"):
         dry_run(load(path), None, SilentWatcher())
+
+
+class Impatient(SilentWatcher):
+    """Stops the scan after three sweeps."""
+
+    def __init__(self):
+        self.sweeps = 0
+
+    def advance(self, steps=1):
+        self.sweeps += steps
+
+    def stop_requested(self):
+        return self.sweeps >= 3
+
+
+def test_a_bridge_that_is_a_program_of_the_folder_is_resumed_from_another_one(tmp_path, monkeypatch):
+    start(tmp_path / "rig", overwrite=False)
+    monkeypatch.chdir(tmp_path / "rig")
+    settings = load(Path("rig.toml"), ["fusion.method=mean", "scan.step_m=0.03"])
+    assert not acquire(settings, tmp_path / "run", Impatient(), yes=True).complete
+    monkeypatch.chdir(tmp_path)
+    assert resume(tmp_path / "run", SilentWatcher(), yes=True).complete

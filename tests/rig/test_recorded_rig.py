@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from surfuse.commands.acquire.acquisition import acquire, resume
+from surfuse.commands.acquire.dry_run import dry_run
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.errors import ConfigError, DataError, DeviceError, UnreachableError
 from surfuse.exporters import nc
@@ -47,7 +48,8 @@ def cell(folder, arm, sensors, area=AREA):
 
 def play(folder, arm, names=("a", "b"), area=AREA, out="again", watcher=None):
     path = cell(folder, arm, dict.fromkeys(names, 'driver = "recorded"'), area)
-    return acquire(load(path), folder / out, watcher or SilentWatcher(), yes=True)
+    # Nothing moves, so nobody is asked.
+    return acquire(load(path), folder / out, watcher or SilentWatcher())
 
 
 @pytest.fixture
@@ -99,6 +101,8 @@ def test_a_scan_of_joints_plays_back_also_in_two_parts_from_two_folders(of_joint
     run, keys = of_joints
     monkeypatch.chdir(run.parent)
     arm = f'driver = "recorded"\nlog = "{run.name}"\n{keys}'
+    told = dry_run(load(cell(tmp_path, arm, dict.fromkeys(PLACES, 'driver = "recorded"'))), None, SilentWatcher())
+    assert told.summary["collisions"] == "not checked: a recorded arm moves nothing"
     assert not play(tmp_path, arm, watcher=any_devices.StopsAfter(5)).complete
     monkeypatch.chdir(Path(run.anchor))
     assert resume(tmp_path / "again", SilentWatcher(), yes=True).complete

@@ -50,18 +50,34 @@ def text(lines: list[str], header: str = HEADER) -> str:
     return "\n".join([header, *lines]) + "\n"
 
 
-def test_the_calibration_of_each_sensor_is_taken_out_of_its_ranges(tmp_path):
-    """A sensor says scale x range + offset."""
+@pytest.mark.parametrize("by_name", [False, True])
+def test_a_calibration_of_version_0_1_0_is_read_as_it_was_meant(tmp_path, by_name):
+    """A sensor says scale x range + offset: without a word of it in the file, and with one."""
     true_m, offset_m, scale = 0.43 + 0.001 * np.arange(4), 0.01 * np.arange(4), 1.0 + 0.02 * np.arange(4)
     lines = [line.rsplit(",", 1)[0] for line in rows()]
     told = [f"{line},{scale[i % 4] * true_m[i % 4] + offset_m[i % 4]:.17g}" for i, line in enumerate(lines)]
     tables = [
-        f"{table}offset_m = {offset_m[i]}\nscale = {scale[i]}\n"
+        f"{table}offset_m = {offset_m[i]}\nscale = {scale[i]}\n" + by_name * 'range_correction = "true_to_reading"\n'
         for i, table in enumerate(SENSORS.replace("[us", "|[us").split("|")[1:])
     ]
     scan = read_readings_csv(folder(tmp_path, text(told), sensors="".join(tables)))
     assert scan.readings.range_m == pytest.approx(np.tile(true_m, 6), abs=1e-12)
-    assert any("offset and scale are taken out" in warning for warning in scan.warnings)
+    notes = [warning for warning in scan.warnings if "offset and scale are taken out" in warning]
+    assert len(notes) == 1
+    assert ("which is how version 0.1.0 wrote them" in notes[0]) != by_name
+
+
+def test_a_calibration_that_says_so_makes_true_ranges_of_readings(tmp_path):
+    sensors = SENSORS.replace("[us1]", 'offset_m = 0.01\nscale = 1.5\nrange_correction = "reading_to_true"\n[us1]')
+    plain = read_readings_csv(folder(tmp_path, text(rows())))
+    scan = read_readings_csv(folder(tmp_path, text(rows()), sensors=sensors))
+    mine = plain.readings.sensor == 0
+    assert scan.readings.range_m[mine] == pytest.approx(1.5 * plain.readings.range_m[mine] + 0.01, abs=1e-12)
+    assert np.array_equal(scan.readings.range_m[~mine], plain.readings.range_m[~mine])
+    assert not any("0.1.0" in warning for warning in scan.warnings)
+    wrong = sensors.replace("reading_to_true", "reading_to_ture")
+    with pytest.raises(ConfigError, match=r"range_correction = 'reading_to_ture'; did you mean 'reading_to_true'"):
+        read_readings_csv(folder(tmp_path, text(rows()), sensors=wrong))
 
 
 @pytest.mark.parametrize("scale", ["0.49", "2.01", "0.0", "-1.0", "nan", "inf"])

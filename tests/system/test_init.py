@@ -99,6 +99,6 @@ def bridge_keys():
 def test_every_key_of_the_tables_of_a_rig_stands_in_the_cell_file():
     text = shipped("rig.toml")
     elsewhere = {"parameters", "late_tilt_deg", "late_bias_m", "late_scatter_m", "world_from_mesh", "corners_m"}
-    for model in (settings.sections.SensorSettings, settings.sections.AreaSettings):
+    for model in (settings.rig_tables.SensorSettings, settings.rig_tables.AreaSettings):
         for key in set(model.model_fields) - elsewhere:
             assert re.search(rf"^(# )?{key} = ", text, re.MULTILINE), key

@@ -121,7 +121,7 @@ def test_a_bad_arm_is_one_clear_error(command, tmp_path, case: str) -> None:
         (("--arm", "gone.xml", "--tool", "flange"), "gone.xml: there is no such file; give an MJCF or URDF file"),
         (
             ("--arm-driver", "tridnet"),
-            "did you mean 'trident'? valid: bridge, gcode, kinematic, simulated, trident, ur_rtde",
+            "did you mean 'trident'? valid: bridge, gcode, kinematic, recorded, simulated, trident, ur_rtde",
         ),
         (
             ("--set", "arm.law=computed_torqe"),

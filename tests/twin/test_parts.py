@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from surfuse.errors import ConfigError, DataError, UsageError
+from surfuse.errors import ConfigError, DataError
 from surfuse.geometry import mesh_files
 from surfuse.twin.parts import SCENES, PartPose, make_part
 from surfuse.twin.scene import TableParameters
@@ -77,7 +77,7 @@ def test_a_sheet_is_accepted_with_a_warning(tmp_path: Path) -> None:
 
 
 def test_unknown_scenes_name_the_nearest(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="did you mean 'relief'"):
+    with pytest.raises(ConfigError, match="did you mean 'relief'"):
         make_part("releif")
 
 

@@ -18,6 +18,7 @@ FILE_LIMIT_BYTES = 4 * 1024 * 1024
 JOINTS_MAX = 12
 
 _ROUND = (int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_CAPSULE))
+_CYLINDER, _CYLINDER_AXIS = int(mujoco.mjtGeom.mjGEOM_CYLINDER), 2
 _CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 
 
@@ -192,6 +193,8 @@ def _capsules(model: mujoco.MjModel, links: list[int]) -> tuple[Capsule, ...]:
         if kind in _ROUND:
             radius = float(model.geom_size[g][0])
             reach[along] = max(float(half[along]) - radius, 0.0)
+        elif kind == _CYLINDER and along == _CYLINDER_AXIS:
+            radius, reach[along] = float(model.geom_size[g][0]), float(half[along])
         else:
             # The corners of a box lie outside a capsule that ends where the box does.
             radius = float(np.linalg.norm(np.delete(half, along)))

@@ -36,7 +36,8 @@ class Parameters:
     command : the program and its arguments, which then talks on its standard input and output.
     allow_remote : whether the address may be another machine; nothing on the way is authenticated or encrypted.
     speed_share : share in (0, 1] of the arm's own speed; None leaves it to the bridge.
-    answer_timeout_s, sweep_timeout_s, move_timeout_s : longest waits for one answer.
+    answer_timeout_s, sweep_timeout_s, move_timeout_s : longest waits for one answer; a rig gives None for the sweep
+        twice the time that its sensors need, at least 4 s.
     give_up_s : how long a bridge that does not answer is tried before the run ends with a device error.
     position_tolerance_m, angle_tolerance_rad : between the pose sent and the pose reached, and of an arm at rest.
     """
@@ -46,7 +47,7 @@ class Parameters:
     allow_remote: bool = False
     speed_share: float | None = None
     answer_timeout_s: float = Patience.answer_timeout_s
-    sweep_timeout_s: float = Patience.sweep_timeout_s
+    sweep_timeout_s: float | None = None
     move_timeout_s: float = Patience.move_timeout_s
     give_up_s: float = Patience.give_up_s
     position_tolerance_m: float = Tolerances.position_tolerance_m
@@ -68,7 +69,7 @@ class Parameters:
         """The waits."""
         return Patience(
             answer_timeout_s=self.answer_timeout_s,
-            sweep_timeout_s=self.sweep_timeout_s,
+            sweep_timeout_s=Patience.sweep_timeout_s if self.sweep_timeout_s is None else self.sweep_timeout_s,
             move_timeout_s=self.move_timeout_s,
             give_up_s=self.give_up_s,
         )
@@ -105,15 +106,10 @@ class BridgeArm(OpenedTogether):
         """Where the tool stands now."""
         return _tool_state(self.client.state())
 
-    @property
-    def tells_reach(self) -> bool:
-        """Whether the bridge says which poses its arm can take."""
-        return self.client.can(Ability.REACH)
-
-    def reachable(self, world_from_tool: FloatArray) -> BoolArray:
-        """Which of the poses (N, 4, 4) the arm says it can take; all of them when it cannot tell."""
-        if not self.tells_reach:
-            return np.ones(len(world_from_tool), dtype=np.bool_)
+    def reachable(self, world_from_tool: FloatArray) -> BoolArray | None:
+        """Which of the poses (N, 4, 4) the arm says it can take; None when the bridge does not say it."""
+        if not self.client.can(Ability.REACH):
+            return None
         return self.client.reach(np.asarray(world_from_tool, dtype=np.float64))
 
     def move_to_pose(self, world_from_tool: FloatArray, speed_share: float | None = None) -> ToolState:

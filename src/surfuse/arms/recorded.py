@@ -64,8 +64,8 @@ class RecordedArm(AlwaysOpen):
         """The state of the recording at which the replay stands."""
         return self._states[self._at]
 
-    def move_to(self, joints_rad: FloatArray) -> JointState:
-        """Step on to the next recorded state (or the nearest), which must be where the target is.
+    def move_to(self, joints_rad: FloatArray, speed_share: float | None = None) -> JointState:
+        """Step on to the next recorded state (or the nearest), which must be where the target is; no speed matters.
 
         Raises
         ------

@@ -16,7 +16,7 @@ from surfuse.errors import ConfigError, SafetyStopError
 from surfuse.interfaces import GIVEN_BY_RIG, AlwaysOpen, Kinematics, World, surrounded
 from surfuse.motion.arm_surroundings import ArmSurroundings
 from surfuse.motion.limits import check_position
-from surfuse.motion.planners import trapezoidal, within_tool_speed
+from surfuse.motion.planners import at_most, trapezoidal, within_tool_speed
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray, JointSamples, JointState
 
@@ -106,8 +106,10 @@ class SimulatedArm(AlwaysOpen):
         """What the encoders show, in whole counts."""
         return JointState(self._in_counts(self.true_joints_rad), self._clock.now_s())
 
-    def move_to(self, joints_rad: FloatArray) -> JointState:
+    def move_to(self, joints_rad: FloatArray, speed_share: float | None = None) -> JointState:
         """Go there and settle: the clock moves on by the time of the trapezoidal move and the rest after it.
+
+        `speed_share` as in `Arm`: the same move, stretched.
 
         Raises
         ------
@@ -119,7 +121,8 @@ class SimulatedArm(AlwaysOpen):
         if self._guard is not None:
             self._guard(self._target_rad, target)
         # From target to target: the time of a move must not depend on the errors of the moves before it.
-        self._clock.advance(self._planner(self._target_rad, target).duration_s + self._parameters.settle_s)
+        motion = at_most(self._planner(self._target_rad, target), self._parameters.speed_share, speed_share)
+        self._clock.advance(motion.duration_s + self._parameters.settle_s)
         self._target_rad = target
         self._true_rad = target + self._world.repeatability(len(target))
         return self.joint_state()

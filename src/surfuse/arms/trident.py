@@ -13,7 +13,7 @@ from surfuse.interfaces import GIVEN_BY_RIG, Kinematics, surrounded
 from surfuse.motion.arm_surroundings import ArmSurroundings
 from surfuse.motion.control_law import Commands, ControlLaw
 from surfuse.motion.limits import check_position, check_velocity
-from surfuse.motion.planners import Planner
+from surfuse.motion.planners import Planner, at_most
 from surfuse.motion.trajectory import Trajectory
 from surfuse.records import FloatArray, JointSamples, JointState
 from surfuse.servo_cards.calibration import Calibration, calibrate
@@ -50,6 +50,7 @@ class Parameters:
 
     `settle_rad`: a joint nearer to its target than this has arrived. `settle_ticks`: for how many ticks in a row all
     joints must have. `settle_timeout_s`: longest wait for that. `rest_s`: further rest after it.
+    `speed_share`: share in (0, 1] of the joint speeds that the planner was made with.
     `scales`, `supervision`, `calibration`: what was measured on the arm and its cards.
     """
 
@@ -57,6 +58,7 @@ class Parameters:
     settle_ticks: int = 20
     settle_timeout_s: float = 3.0
     rest_s: float = 0.0
+    speed_share: float = 1.0
     scales: CardScales = STANDARD_SCALES
     supervision: Supervision = STANDARD_SUPERVISION
     calibration: Calibration = STANDARD_CALIBRATION
@@ -66,6 +68,8 @@ class Parameters:
         for name in ("settle_rad", "settle_timeout_s"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise ConfigError(f"{name} = {getattr(self, name)}", cure="give a positive value")
+        if not 0.0 < self.speed_share <= 1.0:
+            raise ConfigError(f"speed_share = {self.speed_share}", cure="give a share above 0, at most 1")
         if self.settle_ticks < 1:
             raise ConfigError(f"settle_ticks = {self.settle_ticks}", cure="give 1 or more")
         if not (np.isfinite(self.rest_s) and self.rest_s >= 0.0):
@@ -129,8 +133,8 @@ class TridentArm:
         """What the encoders show, in whole counts."""
         return JointState(self._servo.read_position(), self._clock.now_s())
 
-    def move_to(self, joints_rad: FloatArray) -> JointState:
-        """Go there and settle.
+    def move_to(self, joints_rad: FloatArray, speed_share: float | None = None) -> JointState:
+        """Go there and settle; `speed_share` as in `Arm`: the motion of the planner, stretched.
 
         Raises
         ------
@@ -143,7 +147,7 @@ class TridentArm:
         target = np.array(joints_rad, dtype=np.float64)
         if self._guard is not None:
             self._guard(self._target_rad, target)
-        self.follow(self._planner(self._target_rad, target))
+        self.follow(at_most(self._planner(self._target_rad, target), self._parameters.speed_share, speed_share))
         self.settle()
         return self.joint_state()
 

@@ -138,8 +138,8 @@ class UrArm:
         """
         return JointState(np.array(self._live().getActualQ()), self._clock.now_s())
 
-    def move_to(self, joints_rad: FloatArray) -> JointState:
-        """Go there and settle.
+    def move_to(self, joints_rad: FloatArray, speed_share: float | None = None) -> JointState:
+        """Go there and settle; `speed_share` as in `Arm`.
 
         Raises
         ------
@@ -153,7 +153,7 @@ class UrArm:
         target = np.array(joints_rad, dtype=np.float64)
         if self._guard is not None:
             self._guard(start, target)
-        share = self._parameters.speed_share
+        share = self._parameters.speed_share if speed_share is None else min(speed_share, self._parameters.speed_share)
         angles = ", ".join(f"{angle:.9f}" for angle in target)
         speed = share * float(np.min(self._limits.velocity_rad_s))
         acceleration = share * float(np.min(self._limits.acceleration_rad_s2))

@@ -22,6 +22,11 @@ T = TypeVar("T")
 _NO_FIELDS: Mapping[str, Json] = {}
 _PAUSE_S = 0.05
 _PARTING_S = 0.5
+_CURE = "check that the bridge still runs, then resume"
+_CURES = {
+    Question.SWEEP: "check that the bridge still runs, then resume; where its sensors are slow, give their "
+    "firing_time_s, or a longer arm.sweep_timeout_s"
+}
 
 
 @dataclass
@@ -137,7 +142,7 @@ class Conversation:
         except SilenceError as error:
             self.tally.silences += 1
             what = f"no answer to '{question.value}' within {timeout_s:g} s"
-            raise SilenceError(what, where=self.where, cure="check that the bridge still runs, then resume") from error
+            raise SilenceError(what, where=self.where, cure=_CURES.get(question, _CURE)) from error
         except ClosedError:
             self._hang_up()
             raise

@@ -24,7 +24,7 @@ class Patience:
 
     answer_timeout_s: float = 2.0
     reach_timeout_s: float = 4.0
-    sweep_timeout_s: float = 10.0
+    sweep_timeout_s: float = 4.0
     image_timeout_s: float = 4.0
     move_timeout_s: float = 60.0
     start_timeout_s: float = 20.0

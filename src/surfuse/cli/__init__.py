@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import inspect
 import io
 import os
 import pkgutil
@@ -19,6 +20,7 @@ from typing import NoReturn, ParamSpec, TypeVar
 import typer
 
 from surfuse import __version__
+from surfuse.durable import ExistingFileError
 from surfuse.errors import InterruptError, StorageError, SurfuseError, UsageError, nearest
 from surfuse.extras import missing_package
 
@@ -119,6 +121,15 @@ def _command_of(arguments: list[str]) -> str:
     return "".join(f"{word} " for word in words[: 2 if words and words[0] in groups else 1])
 
 
+def _forces(arguments: list[str]) -> bool:
+    """Whether the command of the line can be told to replace a file."""
+    words = [argument for argument in arguments if not argument.startswith("-")]
+    groups = {group.name: group.typer_instance for group in app.registered_groups}
+    program, name = (groups.get(words[0]) or app, words[1:2] if words[0] in groups else words[:1])
+    found = [entry.callback for entry in program.registered_commands if [entry.name] == name]
+    return any(callback is not None and "force" in inspect.signature(callback).parameters for callback in found)
+
+
 def main() -> None:
     """Entry point of the console script: one clear line and the exit status of the contract for every error."""
     arguments = [argument for argument in sys.argv[1:] if argument != DEBUG] or ["--help"]
@@ -134,6 +145,8 @@ def main() -> None:
     except SystemExit as ended:
         # Typer swaps stdout and exits with 1 when a reader stops reading, which is no error.
         sys.exit(ended.code if sys.stdout is stdout else 0)
+    except ExistingFileError as error:
+        _fail(str(error.asked_by("--force") if _forces(arguments) else error), error.exit_status, error)
     except SurfuseError as error:
         _fail(str(error), error.exit_status, error)
     except ClickUsageError as error:

@@ -9,6 +9,9 @@ from typing import Annotated, Literal
 
 import typer
 
+from surfuse.cli._numbers import PORT_MAX, Real, Whole
+from surfuse.errors import UsageError, nearest
+
 Out = Annotated[Path | None, typer.Option("--out", help="Folder of the run; it must not exist yet.")]
 Cell = Annotated[Path | None, typer.Option("--cell", help="Cell file (TOML); default: the simulated reference cell.")]
 Method = Annotated[str | None, typer.Option("--method", help="Fusion method; 'surfuse methods' lists them.")]
@@ -16,6 +19,7 @@ Set = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY.PATH=VALUE", help="Override one value; may be repeated.")
 ]
 Seed = Annotated[int | None, typer.Option("--seed", help="Seed of everything that is random.")]
+"""Its limits are those of the configuration, where it may also stand in a file."""
 ArmFile = Annotated[
     Path | None, typer.Option("--arm", metavar="FILE", help="MJCF or URDF file of another arm; default: the PUMA 560.")
 ]
@@ -28,7 +32,9 @@ ArmDriver = Annotated[
 ]
 Scale = Annotated[
     float,
-    typer.Option("--scale", metavar="FACTOR", help="Factor on a truth mesh's numbers, 0.001 for mm.", min=1e-9),
+    typer.Option(
+        "--scale", metavar="FACTOR", help="Factor on a truth mesh's numbers, 0.001 for mm.", parser=Real(1e-9, 1e9)
+    ),
 ]
 TruthFrame = Annotated[
     Literal["auto", "world", "part"],
@@ -42,19 +48,61 @@ Yes = Annotated[bool, typer.Option("--yes", help="Agree to the first move of a r
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")]
 View = Annotated[bool, typer.Option("--view", help="Show the scan live on a page of this computer; look only.")]
 ViewPort = Annotated[
-    int, typer.Option("--view-port", help="Port of that page on 127.0.0.1; 0: any free one.", min=0, max=65535)
+    int,
+    typer.Option(
+        "--view-port",
+        help="Port of that page on 127.0.0.1; 0: any free one.",
+        parser=Whole(0, PORT_MAX),
+        metavar="PORT",
+    ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace the output file if it exists.")]
 
 
 def overrides(assignments: list[str] | None, method: str | None, seed: int | None) -> list[str]:
-    """`--set` values with the options that have a name of their own; these win."""
+    """`--set` values with the options that have a name of their own; these win.
+
+    Raises
+    ------
+    UsageError : there is no method of that name.
+    """
     texts = list(assignments or [])
+    for text in texts:
+        key, _, value = text.partition("=")
+        if key.strip() == "fusion.method":
+            _check_method(value.strip().strip("'" + '"'), text)
     if method is not None:
+        _check_method(method, f"--method {method}")
         texts.append(f"fusion.method={toml_string(method)}")
     if seed is not None:
         texts.append(f"seed={seed}")
     return texts
+
+
+def _check_method(name: str, given: str) -> None:
+    from surfuse import registry
+
+    known = registry.names("fusion")
+    if name not in known:
+        raise UsageError(f"{given}: there is no method '{name}'", cure=nearest(name, known))
+
+
+def check_scene(name: str) -> None:
+    """Refuse what is neither a built-in scene nor the name of a mesh file.
+
+    Raises
+    ------
+    UsageError : with the nearest scene.
+    """
+    from surfuse.geometry.mesh_files import SUFFIXES
+    from surfuse.settings import SCENES
+
+    if Path(name).suffix.lower() == ".toml":
+        raise UsageError(f"'{name}' is no scene", cure=f"a cell file is given as --cell {name}")
+    if name not in SCENES and Path(name).suffix.lower() not in SUFFIXES:
+        raise UsageError(
+            f"unknown scene '{name}'", cure=f"{nearest(name, SCENES)}; or a mesh file ({', '.join(SUFFIXES)})"
+        )
 
 
 def arm_overrides(file: Path | None, tool: str | None, driver: str | None) -> list[str]:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from surfuse.cli import _options as options
+from surfuse.cli._numbers import SEED_MAX, Whole
 
 REFUSED = 1
 HELP = """Test a ranger: accuracy, noise, dropouts, slips, drift, beam, incidence, cross-talk; exit status 1 if refused.
@@ -38,7 +39,9 @@ def accept(
         Path | None, typer.Option("--warm-up", help="Log of a plate that stands still, from switching on.")
     ] = None,
     plant: Annotated[str | None, typer.Option("--plant", help="Fault to plant in the twin.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the twin; default 1.", min=0)] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", help="Seed of the twin; default 1.", parser=Whole(0, SEED_MAX), metavar="N")
+    ] = None,
     force: options.Force = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,

@@ -69,6 +69,7 @@ def acquire(
 
     texts = options.overrides(assignments, method, seed)
     if scene is not None:
+        options.check_scene(scene)
         texts.append(f"scene.name={options.toml_string(scene)}")
     if node is not None:
         texts.append(f"bus.interface={options.toml_string(BUS_NAMES.get(node, node))}")

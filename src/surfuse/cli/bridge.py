@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from surfuse.cli import _options as options
+from surfuse.cli._numbers import PORT_MAX, Real, Whole
 
 HELP = """Serve the built-in twin of a cell file as a rig behind the bridge protocol, for programs that speak it.
 
@@ -31,7 +32,13 @@ def register(app: typer.Typer) -> None:
 def bridge(
     cell: options.Cell = None,
     port: Annotated[
-        int | None, typer.Option("--port", min=0, max=65535, help="TCP port on loopback; 0: a free one; none: stdio.")
+        int | None,
+        typer.Option(
+            "--port",
+            parser=Whole(0, PORT_MAX),
+            metavar="PORT",
+            help="TCP port on loopback; 0: a free one; none: stdio.",
+        ),
     ] = None,
     wires: Annotated[
         Path | None,
@@ -40,7 +47,13 @@ def bridge(
         ),
     ] = None,
     times_faster: Annotated[
-        float, typer.Option("--times-faster", min=0.1, max=1000.0, help="With --wires: than the real sensors.")
+        float,
+        typer.Option(
+            "--times-faster",
+            parser=Real(0.1, 1000.0),
+            metavar="NUMBER",
+            help="With --wires: than the real sensors, 0.1 to 1000.",
+        ),
     ] = 1.0,
     assignments: options.Set = None,
     seed: options.Seed = None,

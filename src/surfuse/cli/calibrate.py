@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from surfuse.cli import _options as options
+from surfuse.cli._numbers import SEED_MAX, Real, Whole
 
 HELP = "Calibrate the camera, where it sits (tool, shoulder, fixed), and the range sensors."
 CAMERA_HELP = """Calibrate a camera from pictures of a flat board.
@@ -61,9 +62,14 @@ Examples:
 """
 
 Pattern = Annotated[Literal["checkerboard", "charuco"], typer.Option("--pattern", help="Kind of board.")]
-Columns = Annotated[int, typer.Option("--columns", help="Squares in a row.")]
-Rows = Annotated[int, typer.Option("--rows", help="Squares in a column.")]
-Square = Annotated[float, typer.Option("--square-mm", help="Width of a square in millimetres.")]
+Columns = Annotated[int, typer.Option("--columns", help="Squares in a row.", parser=Whole(2, 1000), metavar="N")]
+Rows = Annotated[int, typer.Option("--rows", help="Squares in a column.", parser=Whole(2, 1000), metavar="N")]
+Square = Annotated[
+    float,
+    typer.Option(
+        "--square-mm", help="Width of a square in millimetres.", parser=Real(0.0, 1e4, above=True), metavar="MM"
+    ),
+]
 Toml = Annotated[Path, typer.Option("--out", help="TOML file, a part of a cell file.")]
 
 
@@ -111,7 +117,13 @@ def shoulder(
         Path | None, typer.Option("--camera", help="TOML file of the calibrated camera; default: the reference camera.")
     ] = None,
     ranger_height: Annotated[
-        float | None, typer.Option("--ranger-height", help="Height of the ranger's axis above the floor, metres.")
+        float | None,
+        typer.Option(
+            "--ranger-height",
+            help="Height of the ranger's axis above the floor, metres.",
+            parser=Real(0.0, 5.0, above=True),
+            metavar="M",
+        ),
     ] = None,
     pattern: Pattern = "checkerboard",
     columns: Columns = 9,
@@ -159,9 +171,11 @@ def pictures(
     of: Annotated[
         Literal["camera", "shoulder"], typer.Option("--of", help="Which calibration they are for.")
     ] = "camera",
-    count: Annotated[int, typer.Option("--count", help="Number of pictures.", min=1, max=1000)] = 12,
+    count: Annotated[int, typer.Option("--count", help="Number of pictures.", parser=Whole(1, 1000), metavar="N")] = 12,
     cell: options.Cell = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of everything that is random.", min=0)] = 1,
+    seed: Annotated[
+        int, typer.Option("--seed", help="Seed of everything that is random.", parser=Whole(0, SEED_MAX), metavar="N")
+    ] = 1,
     pattern: Pattern = "checkerboard",
     columns: Columns = 9,
     rows: Rows = 7,

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from surfuse.cli import _options as options
+from surfuse.cli._numbers import PORT_MAX, Whole
 
 HELP = """Be a sensor node on a CAN bus until Ctrl-C: own rangers from a file, else simulated ones.
 
@@ -29,11 +30,21 @@ def node(
     file: Annotated[Path | None, typer.Argument(help="Node file (TOML) with [[sensor]] tables.")] = None,
     bus: Annotated[str | None, typer.Option("--bus", help="udp, or one of python-can's interfaces.")] = None,
     channel: Annotated[str | None, typer.Option("--channel", help="Name, port or group of the adapter.")] = None,
-    port: Annotated[int | None, typer.Option("--port", help="UDP port.")] = None,
-    tether: Annotated[
-        int | None, typer.Option("--tether-port", help="TCP port for the host of simulated sensors; 0: none.")
+    port: Annotated[
+        int | None, typer.Option("--port", help="UDP port.", parser=Whole(1024, PORT_MAX), metavar="PORT")
     ] = None,
-    address: Annotated[int | None, typer.Option("--id", help="Address of the node, 1 to 7.")] = None,
+    tether: Annotated[
+        int | None,
+        typer.Option(
+            "--tether-port",
+            help="TCP port for the host of simulated sensors; 0: none.",
+            parser=Whole(0, PORT_MAX),
+            metavar="PORT",
+        ),
+    ] = None,
+    address: Annotated[
+        int | None, typer.Option("--id", help="Address of the node, 1 to 7.", parser=Whole(1, 7), metavar="N")
+    ] = None,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:

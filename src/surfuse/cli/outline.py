@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from surfuse.cli import _options as options
+from surfuse.cli._numbers import Real
 
 HELP = """Outline the largest part of a picture by dominant points.
 
@@ -28,10 +29,15 @@ def register(app: typer.Typer) -> None:
 
 def outline(
     image: Annotated[Path, typer.Argument(help="Picture file.")],
-    scale: Annotated[float, typer.Option("--scale", help="Millimetres per pixel.", min=1e-6)],
+    scale: Annotated[
+        float, typer.Option("--scale", help="Millimetres per pixel.", parser=Real(1e-6, 1e6), metavar="MM")
+    ],
     out: Annotated[Path, typer.Option("--out", help="CSV file with columns u,v in metres; a .png overlay beside it.")],
     tolerance: Annotated[
-        float, typer.Option("--tolerance", help="How far the outline may cut a corner, pixels.", min=0.1)
+        float,
+        typer.Option(
+            "--tolerance", help="How far the outline may cut a corner, pixels.", parser=Real(0.1, 1e4), metavar="PIXELS"
+        ),
     ] = 1.5,
     all_parts: Annotated[
         bool, typer.Option("--all", help="All parts with their holes, not the largest alone.")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surfuse.cli import _options as options
+from surfuse.cli._numbers import Real
 
 if TYPE_CHECKING:
     from surfuse.cli._progress import TerminalWatcher
@@ -38,7 +39,13 @@ def record(
     cell: Annotated[Path, typer.Option("--cell", help="Cell file (TOML) of the real rig.")],
     out: options.Out = None,
     minutes: Annotated[
-        float | None, typer.Option("--minutes", min=0.0, help="End after so many; default: at Ctrl-C.")
+        float | None,
+        typer.Option(
+            "--minutes",
+            parser=Real(0.0, 1e5, above=True),
+            metavar="MINUTES",
+            help="End after so many; default: at Ctrl-C.",
+        ),
     ] = None,
     method: options.Method = None,
     view: options.View = False,

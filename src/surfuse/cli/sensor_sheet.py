@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from surfuse.cli import _options as options
+from surfuse.cli._numbers import SEED_MAX, Whole
 
 HELP = """Draw the data sheet of a ranger: beam, errors, limits, noise; in the twin, or from a log with known truth.
 
@@ -31,7 +32,9 @@ def sensor_sheet(
     numbers: Annotated[Path | None, typer.Option("--numbers", help="JSON file of all numbers.")] = None,
     log: Annotated[Path | None, typer.Option("--log", help="Measured readings instead of the twin.")] = None,
     truth: Annotated[Path | None, typer.Option("--truth", help="Mesh of the true surface, in the log's frame.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the twin; default 1.", min=0)] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", help="Seed of the twin; default 1.", parser=Whole(0, SEED_MAX), metavar="N")
+    ] = None,
     force: options.Force = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from surfuse.cli import _options as options
+from surfuse.cli._numbers import Whole
 
 HELP = """Compare the arm's old controller with the control laws of the servo cards, in the twin.
 
@@ -22,7 +23,12 @@ def register(app: typer.Typer) -> None:
 
 
 def servo_study(
-    stops: Annotated[int, typer.Option("--stops", help="Stops of the scan that the laws are compared on.")] = 50,
+    stops: Annotated[
+        int,
+        typer.Option(
+            "--stops", help="Stops of the scan that the laws are compared on.", parser=Whole(1, 100_000), metavar="N"
+        ),
+    ] = 50,
     out: options.Out = None,
     cell: options.Cell = None,
     assignments: options.Set = None,

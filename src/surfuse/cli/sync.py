@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from surfuse.cli import _options as options
+from surfuse.cli._numbers import Real
 
 HELP = """Time lag between ranges and poses, for logs whose sensors moved while they read.
 
@@ -30,7 +31,7 @@ def sync(
     log: Annotated[Path, typer.Argument(help="Log of moving sensors: .mcap, .csv or a folder.")],
     truth: Annotated[Path | None, typer.Option("--truth", help="Mesh in the frame of the poses.")] = None,
     max_lag: Annotated[
-        float, typer.Option("--max-lag", help="Search up to this lag, ms.", min=10.0, max=5000.0)
+        float, typer.Option("--max-lag", help="Search up to this lag, ms.", parser=Real(10.0, 5000.0), metavar="MS")
     ] = 500.0,
     as_json: options.Json = False,
     quiet: options.Quiet = False,

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from surfuse.cli import _options as options
+from surfuse.cli._numbers import SEED_MAX, Whole
 
 HELP = """Compare the four thresholds over simulated pictures of the cell, against the true mask of the part.
 
@@ -26,8 +27,12 @@ def register(app: typer.Typer) -> None:
 
 
 def threshold_study(
-    scenes: Annotated[int, typer.Option("--scenes", help="Pictures of each condition.", min=1, max=10000)] = 30,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of everything that is random.", min=0)] = 1,
+    scenes: Annotated[
+        int, typer.Option("--scenes", help="Pictures of each condition.", parser=Whole(1, 10000), metavar="N")
+    ] = 30,
+    seed: Annotated[
+        int, typer.Option("--seed", help="Seed of everything that is random.", parser=Whole(0, SEED_MAX), metavar="N")
+    ] = 1,
     out: Annotated[Path | None, typer.Option("--out", help="CSV file for the table.")] = None,
     force: options.Force = False,
     as_json: options.Json = False,

@@ -34,16 +34,17 @@ def numbers(values: npt.ArrayLike, name: str, shape: tuple[int | None, ...]) -> 
 
     Raises
     ------
-    DataError : texts, times, complex numbers, ragged lists, another shape.
+    DataError : texts, times, complex numbers, None, ragged lists, another shape.
     """
-    wanted = "(" + ", ".join("N" if length is None else str(length) for length in shape) + ")"
-    cure = f"give numbers of shape {wanted}"
+    cure = f"give {_wanted(shape)}"
     try:
         raw = _unmasked(values)
         if raw.dtype.kind not in _NUMBER_KINDS + "O":
             raise DataError(f"{name} has the type {raw.dtype}", cure=cure)
         if raw.dtype.kind == "O" and any(isinstance(item, str | bytes | bool) for item in raw.flat):
             raise DataError(f"{name} holds texts or truth values", cure=cure)
+        if raw.dtype.kind == "O" and any(item is None for item in raw.flat):
+            raise DataError(f"{name} holds None", cure=f"{cure}; nan where there is none")
         array = raw.astype(np.float64)
     except (TypeError, ValueError) as error:
         raise DataError(f"{name} is no array of numbers ({error})", cure=cure) from error
@@ -53,6 +54,13 @@ def numbers(values: npt.ArrayLike, name: str, shape: tuple[int | None, ...]) -> 
     if not fits:
         raise DataError(f"{name} has shape {array.shape}", cure=cure)
     return array
+
+
+def _wanted(shape: tuple[int | None, ...]) -> str:
+    """An array in words: numbers of shape (20, 3), or of one dimension and any length."""
+    if shape == (None,):
+        return "numbers in a list or array of one dimension, one a reading"
+    return f"numbers of shape ({', '.join('any number' if length is None else str(length) for length in shape)})"
 
 
 def _unmasked(values: npt.ArrayLike) -> npt.NDArray[np.generic]:

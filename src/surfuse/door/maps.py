@@ -42,8 +42,8 @@ def fuse(
 
     Raises
     ------
-    UsageError : no such method, or something else than a log.
-    ConfigError : a parameter that the method does not have, or out of its limits.
+    UsageError : something else than a log or a method.
+    ConfigError : no such method; a parameter that the method does not have, or out of its limits.
     DataError : no reading is an echo, or no cell of the map gets a value.
     """
     if not isinstance(log, Log):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 
 from surfuse.door.arguments import plain
 from surfuse.records import SensorSpec
+from surfuse.runs.range_correction import READING_TO_TRUE
 from surfuse.runs.side_files import DescribedSensor, described_sensor, exact_degrees
 
 
@@ -17,8 +18,9 @@ class Sensor:
     `range_max_m` what it can measure, `sigma_m` the standard deviation of one reading. `frequency_hz` and `aperture_m`
     (diameter of the face) tell more about an ultrasonic beam. Beyond `incidence_limit_deg` a smooth surface gives no
     echo. The beam starts `dead_length_m` in front of the origin (a tube). `firing_time_s` is the time of one reading.
-    A reading is `offset_m` + `scale` x distance; both are taken out. `late_tilt_deg`, `late_bias_m`, `late_scatter_m`
-    (K,) say how it was measured to read tilted plates.
+    The true range is `scale` x reading + `offset_m`; with `range_correction` "true_to_reading" the reading is `scale`
+    x true range + `offset_m`. `late_tilt_deg`, `late_bias_m`, `late_scatter_m` (K,) say how it was measured to read
+    tilted plates.
 
     Raises
     ------
@@ -37,6 +39,7 @@ class Sensor:
     firing_time_s: float = 0.05
     offset_m: float = 0.0
     scale: float = 1.0
+    range_correction: str = READING_TO_TRUE
     late_tilt_deg: tuple[float, ...] | None = None
     late_bias_m: tuple[float, ...] | None = None
     late_scatter_m: tuple[float, ...] | None = None

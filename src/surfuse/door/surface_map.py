@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +12,7 @@ from surfuse.commands.explain.explanation import CellExplanation, explanation_at
 from surfuse.commands.explain.map_source import MapSource, source_of
 from surfuse.commands.maps.map_files import format_of
 from surfuse.door.arguments import FilePath, finite_number, path_of
+from surfuse.durable import ExistingFileError
 from surfuse.errors import DataError, UsageError
 from surfuse.exporters import nc
 from surfuse.records import (
@@ -140,7 +143,8 @@ class SurfaceMap:
         file = path_of(path, "path")
         if file.suffix.lower() not in nc.SUFFIXES:
             raise UsageError(f"'{file.name}' is no {nc.SUFFIXES[0]} file", cure="use .export(path) for other formats")
-        nc.write(file, self.record, overwrite=overwrite, points=self.points)
+        with _overwriting():
+            nc.write(file, self.record, overwrite=overwrite, points=self.points)
         return file
 
     def export(self, path: FilePath, overwrite: bool = False) -> Path:
@@ -153,7 +157,8 @@ class SurfaceMap:
         StorageError : the file exists and `overwrite` is false, or the disk refused.
         """
         file = path_of(path, "path")
-        format_of(file).write(file, self.record, overwrite=overwrite)
+        with _overwriting():
+            format_of(file).write(file, self.record, overwrite=overwrite)
         return file
 
     def to_xarray(self) -> xarray.Dataset:
@@ -183,3 +188,12 @@ class SurfaceMap:
         rows, columns = self.record.grid.shape
         cells = int(self.mask.sum())
         return f"<SurfaceMap by '{self.method}': {rows} x {columns} nodes, {cells} with a value, trust {self.trust}>"
+
+
+@contextmanager
+def _overwriting() -> Iterator[None]:
+    """A file that is there is replaced by an argument of the call, not by an option of a command."""
+    try:
+        yield
+    except ExistingFileError as error:
+        raise error.asked_by("overwrite=True") from error

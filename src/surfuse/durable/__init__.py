@@ -1,6 +1,7 @@
 """Files that appear whole or not at all, and stay after a power cut."""
 
 from surfuse.durable.files import (
+    ExistingFileError,
     refuse_existing,
     replace_file,
     replacing,
@@ -10,4 +11,13 @@ from surfuse.durable.files import (
     write_text,
 )
 
-__all__ = ["refuse_existing", "replace_file", "replacing", "storage_error", "sync_folder", "write_bytes", "write_text"]
+__all__ = [
+    "ExistingFileError",
+    "refuse_existing",
+    "replace_file",
+    "replacing",
+    "storage_error",
+    "sync_folder",
+    "write_bytes",
+    "write_text",
+]

@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Self
 
 from surfuse.errors import StorageError
 
@@ -26,6 +27,14 @@ _CURES = {
     errno.ELOOP: "it is a symbolic link, which is not followed: remove it",
 }
 _REPLACE_TRIES, _REPLACE_WAIT_S = 10, 0.05
+
+
+class ExistingFileError(StorageError):
+    """Something lies where a file would be written, and nobody asked to replace it."""
+
+    def asked_by(self, asking: str) -> Self:
+        """The same error, whose cure names the way in which this caller asks to replace a file."""
+        return type(self)(self.what, cure=f"choose another name, or {asking} to replace it", where=self.where)
 
 
 def storage_error(error: OSError, path: Path, doing: str) -> StorageError:
@@ -52,14 +61,12 @@ def sync_folder(folder: Path) -> None:
 
 
 def refuse_existing(path: Path, overwrite: bool) -> None:
-    """Raise StorageError when something lies at `path` that may not be replaced."""
+    """Raise StorageError when something lies at `path` that may not be replaced; `ExistingFileError` for a file."""
     if path.is_dir():
         raise StorageError("it is a folder", where=str(path), cure="give the name of a file")
     if path.exists() and not overwrite:
-        raise StorageError(
-            "the file exists and is not overwritten",
-            where=str(path),
-            cure="choose another name, or ask for overwriting (--force)",
+        raise ExistingFileError(
+            "the file exists and is not overwritten", where=str(path), cure="choose another name, or remove it first"
         )
 
 

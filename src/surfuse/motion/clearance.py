@@ -12,8 +12,9 @@ from surfuse.geometry.compiled import compiled
 from surfuse.motion.body import Body
 from surfuse.motion.obstacles import Obstacle
 from surfuse.motion.own_links import OwnLinks
-from surfuse.records import FloatArray, IntArray
+from surfuse.records import BoolArray, FloatArray, IntArray
 
+_NO_NEARER_M = 1e-3  # what rounding and the arm's own repeatability take from the distance that a move begins with
 _CHUNK = 2048  # joint positions at once: bounds the memory of the sphere centres
 
 
@@ -43,13 +44,15 @@ class Clearances:
 class ClearanceModel:
     """An arm's body in its surroundings; `link_poses` maps joints (N, J) to poses (N, L, 4, 4) in the world.
 
-    `own` are the links that must keep clear of each other (None: they are not looked at).
+    `own` are the links that must keep clear of each other (None: they are not looked at). `beside` tells, an obstacle
+    each, the spheres (B,) of the body that need not keep clear of it (empty: none are known).
     """
 
     link_poses: Callable[[FloatArray], FloatArray]
     body: Body
     obstacles: tuple[Obstacle, ...]
     own: OwnLinks | None = None
+    beside: tuple[BoolArray, ...] = ()
 
     def __call__(self, joints_rad: FloatArray) -> Clearances:
         """Clearances at joints (N, J); infinite where there is no obstacle, nan joints give nan distances."""
@@ -90,7 +93,8 @@ class ClearanceModel:
         obstacle: IntArray,
     ) -> None:
         """Update distance, part and obstacle (N,), in place, where this solid is nearer than those before it."""
-        kept = np.flatnonzero([self.body.names[p] not in solid.ignores for p in self.body.part])
+        counts = np.array([self.body.names[p] not in solid.ignores for p in self.body.part], dtype=np.bool_)
+        kept = np.flatnonzero(counts & ~self.beside[index] if self.beside else counts)
         if len(kept) == 0:
             return
         mine = centers if len(kept) == centers.shape[1] else centers[:, kept]
@@ -118,11 +122,18 @@ def _keep_nearer(
 
 
 def check_move(
-    model: ClearanceModel, start_rad: FloatArray, end_rad: FloatArray, least_m: float, resolution_rad: float = 0.02
+    model: ClearanceModel,
+    start_rad: FloatArray,
+    end_rad: FloatArray,
+    least_m: float,
+    resolution_rad: float = 0.02,
+    from_within: bool = False,
 ) -> None:
     """Refuse a straight joint move from start to end (J,) that comes nearer than `least_m` to an obstacle.
 
-    The move is sampled so that no joint turns further than `resolution_rad` between samples.
+    The move is sampled so that no joint turns further than `resolution_rad` between samples. With `from_within` a move
+    that begins nearer than `least_m` is not refused for that, only when it comes nearer still: so an arm that stands
+    too near comes away.
 
     Raises
     ------
@@ -132,6 +143,8 @@ def check_move(
     t = np.linspace(0.0, 1.0, int(np.ceil(turn / resolution_rad)) + 2)[:, None]
     clearances = model(start_rad + t * np.subtract(end_rad, start_rad))
     i = int(np.argmin(clearances.distance_m))
+    if from_within:
+        least_m = min(least_m, float(clearances.distance_m[0]) - _NO_NEARER_M)
     if not clearances.distance_m[i] >= least_m:
         raise SafetyStopError(
             f"{clearances.describe(i)}, {100.0 * float(t[i, 0]):.0f} percent into a move; at least "

@@ -72,6 +72,25 @@ class Floor:
 
 
 @dataclass(frozen=True)
+class HalfSpace:
+    """Everything behind a plane: of a table on which arm and part stand, however large it is.
+
+    The plane goes through `point_m` (3,), `outwards` (3,) is the unit vector away from the solid, both in the world.
+    `ignores` names parts of the arm that may touch it.
+    """
+
+    point_m: tuple[float, float, float]
+    outwards: tuple[float, float, float]
+    name: str = "the table"
+    ignores: tuple[str, ...] = ()
+
+    def distance(self, points_m: FloatArray) -> FloatArray:
+        """Distances (N,) of points (N, 3) to the plane."""
+        found: FloatArray = np.subtract(points_m, self.point_m) @ np.array(self.outwards)
+        return found
+
+
+@dataclass(frozen=True)
 class Column:
     """A vertical cylinder about joint 1, from the floor to its top: the stand and the trunk of the arm.
 

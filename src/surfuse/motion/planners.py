@@ -46,6 +46,13 @@ class Stretched:
         return position, speed / self.factor, acceleration / self.factor**2
 
 
+def at_most(motion: Trajectory, set_share: float, wanted_share: float | None) -> Trajectory:
+    """A motion that was planned with the share `set_share` of the speeds, with a smaller share where that is wanted."""
+    if wanted_share is None or wanted_share >= set_share:
+        return motion
+    return Stretched(motion, set_share / wanted_share)
+
+
 def within_tool_speed(planner: Planner, kinematics: Kinematics, tool_speed_m_s: float) -> Planner:
     """The same moves, slowed where the tool would be faster than this."""
 

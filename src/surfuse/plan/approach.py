@@ -22,18 +22,23 @@ def approach(
     kinematics: Kinematics,
     clearance: ClearanceModel,
     clearance_min_m: float = 0.005,
+    from_within: bool = False,
 ) -> FloatArray:
     """Joint positions (M, J) to visit one after the other, the last being the goal; each move straight and clear.
 
     Tried in this order: the direct move; first joint 1 and then the others, or the reverse; the same ways to a point
     some centimetres back along the grip axis, from which the grip goes forward to the goal. `start_rad` and `goal_rad`
-    (J,) in rad; distances to obstacles stay above `clearance_min_m`.
+    (J,) in rad; distances to obstacles stay above `clearance_min_m`; `from_within` as in `check_move`.
 
     Raises
     ------
     SafetyStopError : none of these ways is clear; the message is that of the direct one.
     """
-    direct = _refusal(np.array([start_rad, goal_rad]), clearance, clearance_min_m)
+
+    def refusal(way: FloatArray) -> SafetyStopError | None:
+        return _refusal(way, clearance, clearance_min_m, from_within)
+
+    direct = refusal(np.array([start_rad, goal_rad]))
     if direct is None:
         return np.array([goal_rad])
     for end in ([goal_rad], *([back, goal_rad] for back in _retreats(goal_rad, kinematics))):
@@ -41,16 +46,16 @@ def approach(
         turn_first[0], turn_last[0] = end[0][0], start_rad[0]
         for via in ([], [turn_first], [turn_last]):
             way = np.array([start_rad, *via, *end])
-            if _refusal(way, clearance, clearance_min_m) is None:
+            if refusal(way) is None:
                 return way[1:]
     raise direct
 
 
-def _refusal(way: FloatArray, clearance: ClearanceModel, least_m: float) -> SafetyStopError | None:
+def _refusal(way: FloatArray, clearance: ClearanceModel, least_m: float, from_within: bool) -> SafetyStopError | None:
     """Why a way (M, J) of straight moves is refused, None where it is clear."""
     try:
         for start, end in pairwise(way):
-            check_move(clearance, start, end, least_m)
+            check_move(clearance, start, end, least_m, from_within=from_within)
     except SafetyStopError as refusal:
         return refusal
     return None

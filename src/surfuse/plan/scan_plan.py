@@ -60,8 +60,7 @@ def scan_plan(
     `start_rad` (J,) in rad. `clearance` measures the distance of the arm at joints (N, J) from all that it must not
     touch (None: not checked).
     """
-    given = parameters.margin_m
-    area = scan_area(outline, parameters.step_m) if given is None else enlarged(outline, given)
+    area = area_to_scan(outline, parameters)
     stops = raster(area, parameters.step_m, parameters.same_side)
     high_enough = stops.uv_m[:, 1] >= parameters.lowest_v_m - 1e-9
     turn = FACING
@@ -86,6 +85,12 @@ def scan_plan(
         standoff_m=parameters.standoff_m,
         skipped=skipped,
     )
+
+
+def area_to_scan(outline: Outline, parameters: PlanParameters) -> Outline:
+    """The outline enlarged by the margin of the parameters."""
+    given = parameters.margin_m
+    return scan_area(outline, parameters.step_m) if given is None else enlarged(outline, given)
 
 
 def too_low(v_m: float, lowest_v_m: float) -> str:

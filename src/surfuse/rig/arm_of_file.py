@@ -16,6 +16,7 @@ from surfuse.motion.obstacles import Column, Floor, Obstacle, RingTable
 from surfuse.motion.own_links import own_links, separable_pairs
 from surfuse.records import Fixture, FloatArray
 from surfuse.rig.arm_model import ArmModel
+from surfuse.rig.description import tool_from_array
 from surfuse.settings import Settings
 
 ENCODER_RAD = 1e-4  # of the simulated encoders; files do not say
@@ -61,7 +62,8 @@ def model_of_file(settings: Settings, fixture: Fixture) -> ArmModel:
             where=str(path),
         )
     on_stand = pose(np.eye(3), [-point[0], -point[1], own.base_height_m])
-    arm = model_file.create(path, own.tool, on_stand, pose(np.eye(3), [0.0, 0.0, own.grip_offset_m]), limits)
+    tool_from_grip = pose(np.eye(3), [0.0, 0.0, own.grip_offset_m]) @ tool_from_array(settings)
+    arm = model_file.create(path, own.tool, on_stand, tool_from_grip, limits)
     around = (Column(own.base_height_m, _COLUMN_RADIUS_M, ignores=("base", "link 1")),)
     tool_link = len(arm.joint_names) + 1
     return ArmModel(

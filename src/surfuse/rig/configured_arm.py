@@ -16,7 +16,7 @@ from surfuse.motion.own_links import own_links, separable_pairs
 from surfuse.records import Fixture
 from surfuse.rig.arm_model import ArmModel
 from surfuse.rig.description import tool_from_array
-from surfuse.settings.sections import Settings
+from surfuse.settings import Settings
 
 
 def arm_model(settings: Settings, fixture: Fixture) -> ArmModel:

@@ -14,6 +14,7 @@ from surfuse.bridge.clock import ClockFindings
 from surfuse.errors import ConfigError
 from surfuse.interfaces import Arm, Camera, Clock, Device, PoseArm, RangeArray, RangeSensor
 from surfuse.motion.clearance import ClearanceModel
+from surfuse.motion.limits import JointLimits
 from surfuse.motion.moving_arm import MovingArm
 from surfuse.motion.obstacles import Obstacle
 from surfuse.motion.planners import LinePlanner
@@ -53,6 +54,8 @@ class JointMotion:
     `clearance` makes the collision check for a list of obstacles, `link_poses` gives the poses of its links (None: the
     shape is not known). `surround` tells the check of all motions what stands around the arm, once that is known.
     `smooth` is what a pass without stops needs (None: the arm must stand to be used). `look_again`: see `JointStopArm`.
+    `limits` are those that its moves keep to (None: not known). `unchecked` says in words what of the arm the check of
+    clearance cannot see.
     """
 
     arm: Arm
@@ -61,6 +64,8 @@ class JointMotion:
     surround: Callable[[tuple[Obstacle, ...]], None] = _nothing
     smooth: SmoothMotion | None = None
     look_again: Callable[[], object] = _supervised
+    limits: JointLimits | None = None
+    unchecked: str = ""
 
 
 class JointMover(Protocol):

@@ -8,8 +8,9 @@ import numpy as np
 
 from surfuse.geometry.poses import FloatArray, inverse, transform_points
 from surfuse.records import IntArray, ReadingColumns, Readings, SensorSpec, Status
+from surfuse.runs.range_correction import RangeCorrection, corrected_m, correction_note, corrects
 from surfuse.runs.scan_log import ScanLog
-from surfuse.runs.side_files import GivenPart, RangeCorrection
+from surfuse.runs.side_files import GivenPart
 from surfuse.runs.sweep_grouping import estimate_part_frame, grip_poses, group_by_repeat, row_numbers, sweep_means
 
 
@@ -81,12 +82,10 @@ def assemble(
 def _corrected(single: SingleReadings, warnings: list[str], sensors_name: str) -> FloatArray:
     """Ranges (N,) with the calibration of their sensors taken out; what is no number stays what it is."""
     columns = single.columns
-    if not any(one != RangeCorrection() for one in single.corrections):
+    if not corrects(single.corrections):
         return columns.range_m
-    offset = np.array([one.offset_m for one in single.corrections])[columns.sensor]
-    scale = np.array([one.scale for one in single.corrections])[columns.sensor]
-    warnings.append(f"{sensors_name} holds a calibration: offset and scale are taken out of the ranges")
-    return np.asarray((columns.range_m - offset) / scale, dtype=np.float64)
+    warnings.append(correction_note(sensors_name, single.corrections))
+    return corrected_m(columns.range_m, columns.sensor, single.corrections)
 
 
 def _sweeps(single: SingleReadings) -> tuple[IntArray, IntArray, IntArray]:

@@ -9,9 +9,10 @@ import numpy as np
 
 from surfuse.errors import DataError, nearest
 from surfuse.geometry.poses import FloatArray, inverse, transform_points
-from surfuse.records import Outline, Readings
+from surfuse.records import Outline
+from surfuse.runs.range_correction import RangeCorrection, corrected_m, correction_note, corrects
 from surfuse.runs.scan_log import ScanLog
-from surfuse.runs.side_files import RangeCorrection, read_corrections, read_frame, read_outline, read_sensors
+from surfuse.runs.side_files import read_corrections, read_frame, read_outline, read_sensors
 from surfuse.runs.sweep_grouping import row_numbers
 
 _PARALLEL = 1e-9
@@ -46,17 +47,11 @@ def _with_sensors(scan: ScanLog, path: Path) -> ScanLog:
     corrections = [calibrated.get(name, RangeCorrection()) for name in names]
     warnings = [f"{path.name} corrects {len(given)} of {len(names)} sensors"]
     readings = replace(scan.readings, specs=tuple(given.get(spec.name, spec) for spec in scan.readings.specs))
-    if any(one != RangeCorrection() for one in corrections):
-        readings = replace(readings, range_m=_corrected(readings, corrections))
-        warnings.append(f"{path.name} holds a calibration: offset and scale are taken out of the ranges")
+    if corrects(corrections):
+        range_m = corrected_m(readings.range_m, readings.sensor, corrections)
+        readings, note = replace(readings, range_m=range_m), correction_note(path.name, corrections)
+        warnings.append(note)
     return replace(scan, readings=readings, warnings=(*scan.warnings, *warnings))
-
-
-def _corrected(readings: Readings, corrections: list[RangeCorrection]) -> FloatArray:
-    """Ranges (N,) without offset and scale; what is no number stays what it is."""
-    offset = np.array([one.offset_m for one in corrections])[readings.sensor]
-    scale = np.array([one.scale for one in corrections])[readings.sensor]
-    return np.asarray((readings.range_m - offset) / scale, dtype=np.float64)
 
 
 def _with_frame(scan: ScanLog, world_from_part: FloatArray, keep_outline: bool) -> ScanLog:

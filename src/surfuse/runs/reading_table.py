@@ -79,7 +79,7 @@ def with_stop(table: ReadingTable, stop: FloatArray) -> ReadingTable:
     ------
     DataError : a number is not whole, or negative; names its line.
     """
-    wrong = np.flatnonzero(~(np.isfinite(stop) & (stop == np.round(stop)) & (np.abs(stop) < 2.0**53)))
+    wrong = np.flatnonzero(~((stop >= 0.0) & (stop == np.round(stop)) & (stop < 2.0**53)))
     if len(wrong):
         row = int(wrong[0])
         raise DataError(f"stop = {stop[row]:g}", where=table.where(row, "stop"), cure="number the stops 0, 1, 2, ...")

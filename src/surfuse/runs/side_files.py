@@ -16,39 +16,14 @@ from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.poses import FloatArray, frame_from_axes
 from surfuse.records import LateTable, Outline, SensorSpec
 from surfuse.runs.log_files import read_whole
+from surfuse.runs.range_correction import CORRECTION_KEY, KEYS_OF_0_1_0, RangeCorrection, correction_of
 from surfuse.runs.toml_file import number, read_toml, refuse_unknown, vector
 
 METRES_LIMIT = 50.0
 """Positions and ranges beyond this are taken for millimetres and refused."""
 
-SENSOR_KEYS = (
-    "kind",
-    "beam_full_angle_deg",
-    "range_min_m",
-    "range_max_m",
-    "sigma_m",
-    "frequency_hz",
-    "aperture_m",
-    "incidence_limit_deg",
-    "dead_length_m",
-    "firing_time_s",
-    "offset_m",
-    "scale",
-    "late_tilt_deg",
-    "late_bias_m",
-    "late_scatter_m",
-)
-
-
+SENSOR_KEYS = (*KEYS_OF_0_1_0, CORRECTION_KEY)
 _LATE_KEYS = ("late_tilt_deg", "late_bias_m", "late_scatter_m")
-
-
-@dataclass(frozen=True)
-class RangeCorrection:
-    """Calibration of a sensor's ranges: range = offset_m + scale x distance."""
-
-    offset_m: float = 0.0
-    scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -94,7 +69,7 @@ def read_sensors(path: Path) -> tuple[SensorSpec, ...]:
 
 
 def read_corrections(path: Path) -> tuple[RangeCorrection, ...]:
-    """The calibrated offset and scale of each sensor alone, 0 and 1 where the file has none."""
+    """The calibration of each sensor alone, one that changes nothing where the file has none."""
     return tuple(one.correction for one in read_described_sensors(path))
 
 
@@ -108,16 +83,9 @@ def described_sensor(name: str, table: Mapping[str, object], where: str) -> Desc
     """
     refuse_unknown(table, SENSOR_KEYS, where)
     try:
-        return DescribedSensor(_spec(name, table, where), _correction(table, where))
+        return DescribedSensor(_spec(name, table, where), correction_of(table, where))
     except DataError as error:
         raise DataError(error.what, where=where, cure=error.cure) from error
-
-
-def _correction(table: Mapping[str, object], where: str) -> RangeCorrection:
-    scale = number(table, "scale", where, 1.0)
-    if not 0.5 <= scale <= 2.0:
-        raise ConfigError(f"scale = {scale:g}", where=where, cure="give a factor near 1, from 0.5 to 2")
-    return RangeCorrection(number(table, "offset_m", where, 0.0), scale)
 
 
 def _spec(name: str, table: Mapping[str, object], where: str) -> SensorSpec:

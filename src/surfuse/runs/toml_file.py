@@ -15,9 +15,14 @@ MAX_BYTES = 64 * 1024
 MAX_DEPTH = 16
 
 # A key of many thousand dotted parts takes the parser seconds: it is refused before.
+_DECIMAL_COMMA = re.compile(rb"(?m)^[^#\n\[]*=[ \t]*(-?\d+,\d+)[ \t]*(?:#.*)?\r?$")
 _LONG_KEY = re.compile(rb"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % MAX_DEPTH)
 
 Table = Mapping[str, object]
+
+
+def _with_point(number: bytes) -> str:
+    return number.decode("ascii").replace(",", ".")
 
 
 def parse_toml(content: bytes, where: str) -> dict[str, object]:
@@ -39,7 +44,9 @@ def parse_toml(content: bytes, where: str) -> dict[str, object]:
     except UnicodeDecodeError as error:
         raise ConfigError(f"byte {error.start} is not UTF-8", where=where, cure="save the file as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"not valid TOML: {error}", where=where, cure="correct that line") from error
+        comma = _DECIMAL_COMMA.search(content)
+        cure = "correct that line" if comma is None else f"write numbers with a point: {_with_point(comma[1])}"
+        raise ConfigError(f"not valid TOML: {error}", where=where, cure=cure) from error
     except RecursionError as error:
         raise ConfigError("the file is nested too deep", where=where, cure="give plain tables") from error
     _check(tables, where, ())

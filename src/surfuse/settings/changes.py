@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from surfuse.settings.sections import Settings
+from surfuse.settings.configuration import Settings
 
 
 def changed(settings: Settings) -> tuple[str, ...]:

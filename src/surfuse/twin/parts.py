@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from surfuse.errors import ConfigError, UsageError, nearest
+from surfuse.errors import ConfigError, nearest
 from surfuse.geometry.mesh_files import SUFFIXES, TriangleSoup, read_mesh
 from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FloatArray, IntArray
@@ -88,7 +88,7 @@ def make_part(
 
     Raises
     ------
-    UsageError : neither a known scene nor a file name with one of the suffixes in `mesh_files.SUFFIXES`.
+    ConfigError : neither a known scene nor a file name with one of the suffixes in `mesh_files.SUFFIXES`.
     DataError : the mesh file cannot be used.
     ConfigError : the part does not fit into the cell.
     """
@@ -101,7 +101,7 @@ def make_part(
     if name == "relief":
         return _stand(name, plate_with_block(), where, table, material)
     if Path(name).suffix.lower() not in SUFFIXES:
-        raise UsageError(
+        raise ConfigError(
             f"unknown scene '{name}'",
             cure=f"{nearest(name, SCENES)}; or a mesh file ({', '.join(SUFFIXES)})",
         )

@@ -13,6 +13,7 @@ from subprocess import Popen
 from surfuse.commands.acquire.clock_told import log_clock
 from surfuse.commands.acquire.consent import agreed, agreed_to_look, refuse_unasked
 from surfuse.commands.acquire.corners import job_with_corners
+from surfuse.commands.acquire.from_anywhere import from_anywhere
 from surfuse.commands.acquire.job import Job
 from surfuse.commands.acquire.locating import LocatedPart, finder
 from surfuse.commands.acquire.looking import PlacedPart, look_for_part
@@ -29,7 +30,6 @@ from surfuse.records import FusionScene, ScanPlan, Sweep
 from surfuse.rig.area import area_of, nothing_to_scan, outline_of
 from surfuse.rig.assembled import assembled
 from surfuse.rig.devices import Rig
-from surfuse.rig.real.recordings import with_whole_log
 from surfuse.runs.configuration import read_configuration, write_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_files import segment_paths
@@ -59,7 +59,7 @@ def acquire(
     """
     began = time.perf_counter()
     refuse_unasked(settings, watcher, yes)
-    settings = _from_anywhere(settings)
+    settings = from_anywhere(settings)
     finder(settings)  # an unknown threshold is refused before anything is written
     watcher.stage("start")
     method = create_method(settings.fusion)
@@ -157,26 +157,6 @@ def _noted(log: LogWriter, rig: Rig) -> Iterator[None]:
         name = "safety stop" if isinstance(error, SafetyStopError) else "device"
         log.append_event(LogEvent(rig.clock.now_s(), Level.ERROR, name, error.what))
         raise
-
-
-def _from_anywhere(settings: Settings) -> Settings:
-    """The same with the whole paths of all files and logs, so that a resume may start in another folder."""
-    mesh, arm, area = Path(settings.scene.name), settings.arm, settings.area
-    scene = {"name": str(mesh.resolve())} if mesh.is_file() else {}
-    file = {} if arm.file is None else {"file": str(Path(arm.file).resolve())}
-    changed: dict[str, object] = {
-        "scene": settings.scene.model_copy(update=scene),
-        "arm": with_whole_log(arm.model_copy(update=file)),
-        "sensor": tuple(with_whole_log(sensor) for sensor in settings.sensor),
-    }
-    if area is not None:
-        files = {key: str(Path(name).resolve()) for key in ("outline", "mesh") if (name := getattr(area, key))}
-        changed["area"] = area.model_copy(update=files)
-    camera, recording = settings.camera, settings.camera.parameters.get("source")
-    if isinstance(recording, str):
-        whole = {**camera.parameters, "source": str(Path(recording).resolve())}
-        changed["camera"] = camera.model_copy(update={"parameters": whole})
-    return settings.model_copy(update=changed)
 
 
 def _acquire(run: RunFolder, job: Job, warm_up: Popen[bytes] | None) -> Finished:

@@ -23,7 +23,8 @@ def refuse_unasked(settings: Settings, watcher: Watcher, yes: bool) -> None:
     ------
     UsageError : a real arm, nobody to ask, and no agreement on the command line.
     """
-    if settings.arm.is_real and asked_by(watcher) is None and not yes:
+    moves = settings.arm.is_real and not settings.arm.is_played_back
+    if moves and asked_by(watcher) is None and not yes:
         raise UsageError("a real arm would move, and no terminal is there to ask", cure="add --yes")
 
 
@@ -35,7 +36,7 @@ def agreed(job: Job, plan: ScanPlan, first: int) -> None:
     UsageError : nobody can be asked, and it was not agreed to.
     InterruptError : the answer was not yes; nothing has moved.
     """
-    if job.rig.simulated or job.yes or first >= len(plan):
+    if _needs_no_yes(job) or first >= len(plan):
         return
     place = ", ".join(f"{x:.3f}" for x in plan.world_from_grip[first, :3, 3])
     _ask(job, f"The arm will move to ({place}) m and visit {len(plan) - first} stops.")
@@ -49,7 +50,7 @@ def agreed_to_look(job: Job) -> None:
     UsageError, InterruptError : as `agreed`.
     """
     lookout = job.rig.lookout
-    if job.rig.simulated or job.yes or lookout is None:
+    if _needs_no_yes(job) or lookout is None:
         return
     if isinstance(lookout, Viewpoints):
         if lookout.moves:
@@ -57,6 +58,10 @@ def agreed_to_look(job: Job) -> None:
         return
     lower, upper = (f"{math.degrees(angle):.0f}" for angle in lookout.turn_rad)
     _ask(job, f"Joint 1 of the arm will turn from {lower} to {upper} degrees to look for the part.")
+
+
+def _needs_no_yes(job: Job) -> bool:
+    return job.yes or job.rig.simulated or job.settings.arm.is_played_back
 
 
 def _ask(job: Job, what: str) -> None:

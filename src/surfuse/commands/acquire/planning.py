@@ -14,10 +14,11 @@ from surfuse.plan.advice import BELOW, way_to_move, where_and_why
 from surfuse.plan.margin import margin_on_plane, scan_area
 from surfuse.plan.pose_plan import pose_plan
 from surfuse.plan.reach import ReachParameters
-from surfuse.plan.scan_plan import PlanParameters, scan_plan, skipped_by_kind
+from surfuse.plan.scan_plan import PlanParameters, area_to_scan, scan_plan, skipped_by_kind
 from surfuse.records import BoolArray, FloatArray, FusionScene, Outline, ScanPlan
 from surfuse.rig.area import check_faces
 from surfuse.rig.devices import JointMotion, Rig
+from surfuse.rig.real.neighbourhood import part_and_table, part_height_m
 from surfuse.settings import Settings
 
 STOP = "stop"
@@ -72,7 +73,9 @@ def _parameters(settings: Settings, outline: Outline) -> PlanParameters:
 
 def _plan_of_joints(motion: JointMotion, settings: Settings, outline: Outline, parameters: PlanParameters) -> ScanPlan:
     start = motion.arm.joint_state().position_rad
-    check = None if motion.clearance is None else motion.clearance(obstacles(settings, outline))
+    # Every move of a real arm is checked again, and all that is left of the outline then is the one with its margin.
+    part = area_to_scan(outline, parameters) if settings.arm.is_real else outline
+    check = None if motion.clearance is None else motion.clearance(obstacles(settings, part))
     limits = ReachParameters(clearance_min_m=settings.arm.clearance_m)
     return scan_plan(outline, motion.arm.kinematics, start, check, parameters, limits)
 
@@ -87,7 +90,8 @@ def _plan_of_poses(rig: Rig, settings: Settings, outline: Outline, parameters: P
         outline = scan_area(outline, parameters.step_m)
 
     def reachable(world_from_grip: FloatArray) -> BoolArray:
-        return arm.reachable(world_from_grip @ grip_from_tool)
+        found = arm.reachable(world_from_grip @ grip_from_tool)
+        return np.ones(len(world_from_grip), dtype=np.bool_) if found is None else found
 
     return pose_plan(outline, reachable, here, parameters)
 
@@ -106,7 +110,7 @@ def _other_place(settings: Settings, outline: Outline) -> str:
 
 def _how_to_move(plan: ScanPlan, rig: Rig, settings: Settings) -> str:
     """Where the arm would reach the whole part; empty where no such place is near, or the part cannot be moved."""
-    if rig.motion is None or rig.motion.clearance is None or not around_table(settings):
+    if rig.motion is None or rig.motion.clearance is None or settings.arm.is_real or not around_table(settings):
         return ""
     arm, clearance = rig.motion.arm, rig.motion.clearance
     here, limits = arm.joint_state().position_rad, ReachParameters(clearance_min_m=settings.arm.clearance_m)
@@ -122,12 +126,19 @@ def _how_to_move(plan: ScanPlan, rig: Rig, settings: Settings) -> str:
 
 
 def obstacles(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]:
-    """What stands around the arm: floor, table, and a box around the part; away from the ring table none is known."""
+    """What stands around the arm.
+
+    On the ring table: floor, table, and a box around the part. Away from it a real arm has the part and the plane that
+    it lies on, and of a simulated one nothing is known.
+    """
+    if settings.arm.is_real and not around_table(settings):
+        return part_and_table(settings, outline)
     if not around_table(settings):
         return ()
     table = settings.cell
     ring = RingTable(table.table_height_m, table.table_inner_radius_m, table.table_outer_radius_m)
-    return Floor(), ring, part_box(outline)
+    box = part_box(outline, part_height_m(settings)) if settings.arm.is_real else part_box(outline)
+    return Floor(), ring, box
 
 
 def scene_of(rig: Rig, settings: Settings, outline: Outline, plan: ScanPlan) -> FusionScene:

@@ -57,12 +57,14 @@ def _approach(job: Job, motion: JointMotion, outline: Outline, plan: ScanPlan, s
     if motion.clearance is None:
         way = [target]
     else:
-        check, least_m = motion.clearance(around), job.settings.arm.clearance_m
-        way = list(approach(here, target, motion.arm.kinematics, check, least_m))
+        # A real arm begins wherever it was left, perhaps nearer to its table than a scan goes.
+        check, least_m, real = motion.clearance(around), job.settings.arm.clearance_m, not job.rig.simulated
+        way = list(approach(here, target, motion.arm.kinematics, check, least_m, from_within=real))
+    share = None if job.rig.simulated else FIRST_MOVES_SHARE
     for joints in way:
         if job.watcher.stop_requested():
             return
-        motion.arm.move_to(joints)
+        motion.arm.move_to(joints, share)
 
 
 def _rise(job: Job, plan: ScanPlan, stop: int) -> None:

@@ -14,9 +14,10 @@ from surfuse.commands.judge.truth_files import truth_mesh
 from surfuse.commands.outcome import Outcome
 from surfuse.errors import DataError, UsageError
 from surfuse.records import FloatArray, IntArray, LateTable, SensorSpec, Status
+from surfuse.runs.range_correction import RangeCorrection, correction_lines, corrects
 from surfuse.runs.scan_log import ScanLog
 from surfuse.runs.scan_source import load_scan
-from surfuse.runs.side_files import RangeCorrection, read_corrections, sensors_toml
+from surfuse.runs.side_files import read_corrections, sensors_toml
 from surfuse.surface.beam_fan import BeamView, view
 from surfuse.surface.casting import RayCaster
 from surfuse.surface.sensor_fit import Capture, Facing, Late, fit_capture, fit_facing, fit_late
@@ -103,11 +104,14 @@ def model_toml(model: SensorModel) -> str:
         own = replace(
             spec, sigma_m=max(model.facing.sigma_m, 1e-6), beam_full_angle_rad=beam, late=late_table(model.late)
         )
-        lines = [sensors_toml((own,)).rstrip("\n"), f"offset_m = {float(model.facing.offset_m[k])!r}"]
-        if math.isfinite(model.facing.scale):
-            lines.append(f"scale = {model.facing.scale!r}")
-        blocks.append("\n".join(lines) + "\n")
+        blocks.append(sensors_toml((own,)) + correction_lines(_correction(model.facing, k)))
     return "\n".join(blocks)
+
+
+def _correction(facing: Facing, k: int) -> RangeCorrection:
+    """What makes true ranges of the readings of sensor k; the fit says how the sensor makes readings of ranges."""
+    scale = facing.scale if math.isfinite(facing.scale) else 1.0
+    return RangeCorrection(float(facing.offset_m[k]), scale).inverse
 
 
 def late_table(late: Late | None) -> LateTable | None:
@@ -119,7 +123,7 @@ def late_table(late: Late | None) -> LateTable | None:
 
 def _loaded(log: Path) -> ScanLog:
     beside = (log if log.is_dir() else log.parent) / SENSORS_NAME
-    if beside.is_file() and any(one != RangeCorrection() for one in read_corrections(beside)):
+    if beside.is_file() and corrects(read_corrections(beside)):
         raise DataError(
             "the sensors.toml of the log holds a calibration already", where=str(beside), cure="remove offset and scale"
         )

@@ -15,9 +15,13 @@ def create_method(settings: FusionSettings, name: str | None = None) -> FusionMe
 
     Raises
     ------
-    UsageError : no such method.
-    ConfigError : unknown parameter, wrong type, value out of its limits; or parameters of an unknown method.
+    UsageError : no method of that name.
+    ConfigError : the configuration names no method that there is; unknown parameter, wrong type, value out of its
+        limits; or parameters of an unknown method.
     """
+    if name is None and settings.method not in registry.names("fusion"):
+        cure = nearest(settings.method, registry.names("fusion"))
+        raise ConfigError(f"fusion.method = '{settings.method}': there is no such method", cure=cure)
     for unknown in set(settings.parameters) - set(registry.names("fusion")):
         raise ConfigError(
             f"fusion.parameters.{unknown}: there is no such method", cure=nearest(unknown, registry.names("fusion"))

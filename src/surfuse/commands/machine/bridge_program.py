@@ -16,8 +16,7 @@ from surfuse.errors import ConfigError, StorageError
 from surfuse.rig.simulated.on_the_wire import TwinOnTheWire
 from surfuse.rig.simulated.wires.wired_twin import WiredTwin, Wires
 from surfuse.runs.log_files import read_whole
-from surfuse.settings import Settings
-from surfuse.settings.sections import NO_BUS
+from surfuse.settings import NO_BUS, Settings
 
 
 def serve_twin(settings: Settings, port: int | None, stop: threading.Event, say: Callable[[str], None]) -> Outcome:

@@ -10,7 +10,7 @@ from surfuse.commands.acquire.finding_on_plane import parts_seen, sightings
 from surfuse.commands.acquire.locating import finder
 from surfuse.commands.machine.checks import Check
 from surfuse.errors import SurfuseError
-from surfuse.records import CameraFrame, FloatArray, Status
+from surfuse.records import CameraFrame, Status
 from surfuse.rig.devices import Lookout, Rig, Viewpoints
 from surfuse.settings import Settings
 
@@ -30,8 +30,9 @@ def camera_checks(rig: Rig, settings: Settings) -> list[Check]:
     checks = [_picture(frame), ("search", *_told(lambda: _sees(frame, settings)))]
     if isinstance(lookout, Lookout) and lookout.ranger is not None:
         checks.append((lookout.ranger.spec.name, *_told(lambda: _range(lookout))))
-    if rig.poses is not None and settings.camera.mounted == "tool" and settings.search.views is None:
-        checks.append(("view", _line(rig.poses.tool_state().world_from_tool), True))
+    search = settings.search
+    if settings.camera.mounted == "tool" and search.views is None and search.view_joints_deg is None:
+        checks.append(("view", *_told(lambda: (_line(rig), True))))
     return checks
 
 
@@ -82,7 +83,12 @@ def _range(lookout: Lookout) -> tuple[str, bool]:
     return "no range (on the shoulder)", echo.status is not Status.FAULT
 
 
-def _line(world_from_tool: FloatArray) -> str:
-    """The line of a cell file that looks from here."""
-    rows = ", ".join(f"{value:.6f}" for value in (world_from_tool + 0.0).ravel())
-    return f"to look from here: [search] views = [[{rows}]]"
+def _line(rig: Rig) -> str:
+    """The line of a cell file that looks from here: the pose of the tool, or the joints of an arm that takes joints."""
+    if rig.motion is not None:
+        key, numbers = "view_joints_deg", np.degrees(rig.motion.arm.joint_state().position_rad)
+    else:
+        assert rig.poses is not None
+        key, numbers = "views", rig.poses.tool_state().world_from_tool.ravel()
+    row = ", ".join(f"{value:.6f}" for value in numbers + 0.0)
+    return f"to look from here: [search] {key} = [[{row}]]"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from datetime import datetime
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from surfuse.commands.maps.map_files import NATIVE, map_path, read_map
 from surfuse.commands.outcome import Outcome
 from surfuse.errors import DataError, SurfuseError
 from surfuse.exporters import nc
+from surfuse.geometry.sensor_array import tool_from_grip
 from surfuse.plan.margin import margin_in_words
 from surfuse.records import FloatArray, FusionScene, Readings, Score, SurfaceMap
 from surfuse.report.content import (
@@ -31,8 +32,11 @@ from surfuse.report.content import (
     plan_view,
 )
 from surfuse.report.page import render_report
+from surfuse.rig.arm_model import ArmModel
 from surfuse.rig.configured_arm import arm_model
+from surfuse.rig.described_sensors import places
 from surfuse.rig.description import array_fixture
+from surfuse.rig.real.joint_arm import described_model
 from surfuse.runs.configuration import read_configuration
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_files import segment_paths
@@ -45,6 +49,9 @@ from surfuse.settings import FusionSettings, Settings, from_tree
 from surfuse.surface.score import score
 from surfuse.surface.splines import spline_surface
 from surfuse.surface.truth import read_truth_mesh, truth_around
+
+if TYPE_CHECKING:
+    from surfuse.arm_models.model_file import ModelFileArm
 
 _LEVELS: dict[int, Literal["info", "warning", "error"]] = {
     Level.INFO: "info",
@@ -250,14 +257,22 @@ def _skeleton(log: RunLog | None, readings: Readings | None, settings: Settings 
     if log is None or readings is None or settings is None:
         return nothing
     try:
-        arm = arm_model(settings, array_fixture(settings))
+        arm = _known_arm(settings)
     except SurfuseError:
         # The arm's file may be gone by now; the report does without the arm then.
         return nothing
     joints = [sweep.joints_rad for sweep in log.sweeps]
-    if not joints or any(len(row) != len(arm.limits) for row in joints):
+    if arm is None or not joints or any(len(row) != len(arm.limits) for row in joints):
         return nothing
     return arm.link_poses(np.array(joints))[..., :3, 3]
+
+
+def _known_arm(settings: Settings) -> ArmModel | ModelFileArm | None:
+    """The model of the arm where it stands; None for a real one of which only poses are known."""
+    if settings.arm.is_real:
+        file = settings.arm.file
+        return None if file is None else described_model(settings, tool_from_grip(*places(settings.sensor)))
+    return arm_model(settings, array_fixture(settings))
 
 
 def _scenery(settings: Settings | None) -> tuple[Scenery, ...]:

@@ -19,7 +19,8 @@ from surfuse.records import ULTRASONIC, SensorSpec, Status
 from surfuse.report.line_charts import Chart, Series, page
 from surfuse.rig.simulated.acceptance_bench import planted
 from surfuse.rig.simulated.transducer_beam import two_way_beam_rad
-from surfuse.runs.side_files import RangeCorrection, sensors_toml
+from surfuse.runs.range_correction import RangeCorrection, correction_lines
+from surfuse.runs.side_files import sensors_toml
 
 _LEAST_DISTANCES = 3
 
@@ -163,7 +164,7 @@ def measured_model(spec: SensorSpec, trials: Trials) -> SensorSpec:
 
 
 def correction(spec: SensorSpec, trials: Trials) -> RangeCorrection:
-    """Offset and scale of the ranges: a line through the median error at each distance, slips apart.
+    """What makes true ranges of the readings: a line through the median error at each distance, slips apart.
 
     With fewer than three distances the scale is taken for right.
     """
@@ -176,16 +177,16 @@ def correction(spec: SensorSpec, trials: Trials) -> RangeCorrection:
     places = np.unique(distance)
     middle = np.array([np.median(error[distance == place]) for place in places])
     if len(places) < _LEAST_DISTANCES:
-        return RangeCorrection(float(middle.mean()))
+        return RangeCorrection(-float(middle.mean()))
     slope, offset = np.polyfit(places, middle, 1)
-    return RangeCorrection(float(offset), 1.0 + float(slope))
+    return RangeCorrection(float(offset), 1.0 + float(slope)).inverse
 
 
 def model_text(spec: SensorSpec, trials: Trials) -> str:
     """A sensors.toml of what was measured, with the offset and scale by which the ranges of a log are corrected."""
     found = correction(spec, trials)
     table = sensors_toml((measured_model(spec, trials),))
-    return f"{table}offset_m = {found.offset_m:.6f}\nscale = {found.scale:.6f}\n"
+    return table + correction_lines(RangeCorrection(round(found.offset_m, 6), round(found.scale, 6)))
 
 
 def charts_of(trials: Trials) -> list[Chart]:

@@ -34,8 +34,8 @@ _UPRIGHT = 0.9999
 class BridgeJoints:
     """The joints of an arm behind a bridge of which no model is known; see `JointMover`."""
 
-    def __init__(self, bridge: SharedBridge, speed_share: float) -> None:
-        self._bridge, self._speed_share = bridge, min(speed_share, LOOKING_SHARE)
+    def __init__(self, bridge: SharedBridge, speed_share: float | None) -> None:
+        self._bridge, self._speed_share = bridge, min(speed_share or 1.0, LOOKING_SHARE)
 
     def joint_state(self) -> JointState:
         """What the bridge says of the joints."""
@@ -44,6 +44,21 @@ class BridgeJoints:
     def move_to(self, joints_rad: FloatArray) -> JointState:
         """Go there, slowly."""
         return _joints(self._bridge.client.move(MoveTo(joints_rad=joints_rad, speed_share=self._speed_share)))
+
+
+class SlowJoints:
+    """The joints of an arm with a model, on the way to a place to look from; see `JointMover`."""
+
+    def __init__(self, arm: Arm) -> None:
+        self._arm = arm
+
+    def joint_state(self) -> JointState:
+        """What the arm says of its joints."""
+        return self._arm.joint_state()
+
+    def move_to(self, joints_rad: FloatArray) -> JointState:
+        """Go there, slowly."""
+        return self._arm.move_to(joints_rad, LOOKING_SHARE)
 
 
 def _joints(state: State) -> JointState:
@@ -106,7 +121,7 @@ def _camera(settings: Settings, bridge: SharedBridge | None, clock: Clock) -> Ca
 
 def _mover(settings: Settings, joints: Arm | None, bridge: SharedBridge | None) -> JointMover:
     if joints is not None:
-        return joints
+        return SlowJoints(joints)
     if bridge is None:
         what = "camera.mounted = 'shoulder'" if settings.camera.mounted == "shoulder" else "search.view_joints_deg"
         raise ConfigError(
@@ -186,7 +201,7 @@ def _to_pose(arm: Arm, world_from_grip: FloatArray) -> object:
         raise UnreachableError(f"the arm cannot bring the grip to ({place}) m", cure="give a view within its reach")
     here = arm.joint_state().position_rad
     found, _ = nearest_configuration(solutions, valid, here, kinematics.lower_rad, kinematics.upper_rad)
-    return arm.move_to(np.asarray(found[0], dtype=np.float64))
+    return arm.move_to(np.asarray(found[0], dtype=np.float64), LOOKING_SHARE)
 
 
 def _pose(numbers: list[float] | None) -> FloatArray:

@@ -31,12 +31,13 @@ class JointBridgeArm(OpenedTogether):
         """What the bridge says of the joints."""
         return self._joints(self._bridge.client.state())
 
-    def move_to(self, joints_rad: FloatArray) -> JointState:
-        """Go there, settle, and return the state as reached."""
+    def move_to(self, joints_rad: FloatArray, speed_share: float | None = None) -> JointState:
+        """Go there, settle, and return the state as reached; `speed_share` as in `Arm`."""
         check_position(joints_rad, self._around.limits)
         if self._around.guard is not None:
             self._around.guard(self.joint_state().position_rad, joints_rad)
-        return self._joints(self._bridge.client.move(MoveTo(joints_rad=joints_rad, speed_share=self._speed)))
+        share = self._speed if speed_share is None else min(speed_share, self._speed or 1.0)
+        return self._joints(self._bridge.client.move(MoveTo(joints_rad=joints_rad, speed_share=share)))
 
     def _joints(self, state: State) -> JointState:
         if state.joints_rad is None:

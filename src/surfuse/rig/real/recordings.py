@@ -18,7 +18,7 @@ from surfuse.rig.real.recorded_poses import RecordedPoseArm
 from surfuse.runs.log_reader import read_log
 from surfuse.runs.log_records import RunLog
 from surfuse.sensors import recorded as recorded_sensor
-from surfuse.settings import ArmSettings
+from surfuse.settings import RECORDED_DRIVER, ArmSettings
 from surfuse.settings.rig_tables import SensorSettings, Value
 
 _LOG = "log"
@@ -49,7 +49,7 @@ class Recordings:
     `begin` puts all of them at a stop, so that a resumed scan plays on from where it was.
     """
 
-    DRIVER = "recorded"
+    DRIVER = RECORDED_DRIVER
 
     def __init__(self, of_arm: dict[str, Value]) -> None:
         self._of_arm = of_arm

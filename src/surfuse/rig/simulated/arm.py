@@ -49,7 +49,7 @@ def arm_in_cell(settings: Settings, fixture: Fixture, world: World, clock: Clock
     """
     model = arm_model(settings, fixture)
     clearance = partial(clearance_model, model, fixture, settings.kit.tube_length_m)
-    limits, guard = slowed(model.limits, settings.arm.speed_share), _guard(settings, model, clearance)
+    limits, guard = slowed(model.limits, settings.arm.share_of_speed), _guard(settings, model, clearance)
     arm: TwinArm
     if settings.arm.driven_by == "trident":
         arm = _behind_cards(settings, model, world, clock, guard)
@@ -91,7 +91,7 @@ def _without_dynamics(
     )
     return simulated.create(
         simulated.Parameters(
-            own.settle_s, own.speed_share, model.encoder_rad_per_count, own.tool_speed_max_m_s, surroundings=around
+            own.settle_s, own.share_of_speed, model.encoder_rad_per_count, own.tool_speed_max_m_s, surroundings=around
         )
     )
 
@@ -102,9 +102,9 @@ def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Cloc
     known = known_model(own.fixture_kg)
     # Only computed torque follows a motion that goes to the torque limits; the others get the published limits.
     planner = (
-        torque_limited(known, model.limits, speed_share=own.speed_share)
+        torque_limited(known, model.limits, speed_share=own.share_of_speed)
         if own.law == ComputedTorque.name
-        else trapezoidal(slowed(model.limits, own.speed_share))
+        else trapezoidal(slowed(model.limits, own.share_of_speed))
     )
     rng = np.random.default_rng([settings.seed, _POTENTIOMETERS])
     own_rad = control_law(own.law, known).settle_rad
@@ -113,7 +113,7 @@ def _behind_cards(settings: Settings, model: ArmModel, world: World, clock: Cloc
         own.law,
         within_tool_speed(planner, model.kinematics, own.tool_speed_max_m_s),
         fixture_kg=own.fixture_kg,
-        parameters=trident.Parameters(settle_rad, rest_s=own.settle_s),
+        parameters=trident.Parameters(settle_rad, rest_s=own.settle_s, speed_share=own.share_of_speed),
     )
     parts = build_servo_arm(puma560_kinematics(settings), clock, rng, design, model.ready_rad, guard)
     return ServoTwinArm(parts, world)

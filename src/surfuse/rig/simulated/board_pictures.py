@@ -13,7 +13,7 @@ from surfuse.interfaces import Generator
 from surfuse.records import ByteArray, CameraModel, FloatArray
 from surfuse.rig.description import camera_model, camera_mount, ranger_mount, shoulder_spec
 from surfuse.rig.mounts import world_from_shoulder
-from surfuse.settings.sections import Settings
+from surfuse.settings import Settings
 from surfuse.twin.materials import Material
 from surfuse.twin.optics import OpticsParameters, render
 from surfuse.twin.scene import Scene, SceneBody

@@ -216,10 +216,10 @@ class ServoTwinArm:
         self._catch_up()
         return self._parts.arm.joint_state()
 
-    def move_to(self, joints_rad: FloatArray) -> JointState:
+    def move_to(self, joints_rad: FloatArray, speed_share: float | None = None) -> JointState:
         """Go there and settle; see `TridentArm.move_to`."""
         self._settled = False
-        state = self._parts.arm.move_to(joints_rad)
+        state = self._parts.arm.move_to(joints_rad, speed_share)
         self._settled = True
         self._between = self._world.repeatability(len(state.position_rad))
         return state

@@ -15,7 +15,7 @@ from surfuse.geometry.sensor_array import tool_from_grip
 from surfuse.interfaces import Device, OpenedTogether
 from surfuse.records import FloatArray
 from surfuse.rig.described_sensors import places
-from surfuse.rig.real.assembly import described_model
+from surfuse.rig.real.joint_arm import described_model
 from surfuse.rig.simulated.on_the_wire import TwinOnTheWire
 from surfuse.rig.simulated.wires.ur_controller import UrController
 from surfuse.settings import Settings
@@ -48,8 +48,6 @@ class RtdeArm(OpenedTogether):
 
     def __init__(self, settings: Settings) -> None:
         own, grip = settings.arm, tool_from_grip(*places(settings.sensor))
-        if own.file is None:
-            raise ConfigError("nothing says what the arm is", cure="give [arm] file = 'arm.urdf', tool = 'flange'")
         self._model = described_model(settings, grip)
         if (joints := len(self._model.lower_rad)) != _UR_JOINTS:
             raise ConfigError(
