@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 import trimesh
 
-from surfuse.commands.judge.evaluation import edge_m, edge_of, evaluate, has_step, score_data, score_rows
+from surfuse.commands.judge.evaluation import evaluate, has_step, mesh_dense_score, score_data, score_rows
 from surfuse.commands.judge.truth_files import read_truth
 from surfuse.errors import DataError, StorageError
 from surfuse.exporters import nc
@@ -90,18 +88,13 @@ def test_the_edge_of_a_step_is_where_the_map_has_it(shift_m):
     vertices, faces = stairs(0.105)
     true_at = 0.105 + shift_m
     height = np.where(GRID.v_m < true_at, 0.09, 0.0)[:, None]
-    assert edge_m(surface(height), vertices, faces) == pytest.approx(shift_m, abs=0.006)
+    assert mesh_dense_score(surface(height), vertices, faces).edge_m == pytest.approx(shift_m, abs=0.006)
 
 
 def test_without_a_step_there_is_no_edge(tmp_path):
     mesh = sheet(0.01)
-    assert np.isnan(edge_m(surface(np.full(GRID.shape, 0.01)), np.array(mesh.vertices), np.array(mesh.faces)))
+    found = mesh_dense_score(surface(np.full(GRID.shape, 0.01)), np.array(mesh.vertices), np.array(mesh.faces))
+    assert np.isnan(found.edge_m)
+    assert found.rmse_m == pytest.approx(0.0, abs=1e-9)
     assert not has_step(surface(0.05 * GRID.v_m[:, None]))
     assert has_step(surface(np.where(GRID.v_m < 0.1, 0.03, 0.0)[:, None]))
-
-
-def test_in_another_frame_there_is_no_edge():
-    step = surface(np.where(GRID.v_m < 0.1, 0.09, 0.0)[:, None])
-    turned = dataclasses.replace(GRID, world_from_part=np.eye(4))
-    assert not np.isnan(edge_of(step, step))
-    assert np.isnan(edge_of(step, surface(step.height_m, turned)))

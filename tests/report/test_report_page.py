@@ -220,10 +220,10 @@ def test_hostile_names_stay_text_in_a_comparison(several_methods):
     assert len(attacked.elements) == len(clean.elements)
 
 
-def test_best_figures_stand_out_and_a_column_without_figures_is_left_out(run_content):
+def test_best_figures_stand_out_and_a_column_without_figures_is_left_out(run_content, synthetic):
     cells = re.findall(r'<td class="best">([^<]*)</td>', render_report(run_content, LIGHT))
-    assert cells == ["3.100", "1.860", "−0.100", "6.820", "4.2"]
-    alone = replace(run_content, scores=(replace(run_content.scores[0], edge_m=float("nan")),))
+    assert cells == ["3.100", "3.410", "2.046", "1.860", "−0.100", "6.820", "4.2"]
+    alone = replace(run_content, scores=(replace(run_content.scores[0], dense=synthetic.dense(0.012, float("nan"))),))
     text = Page(render_report(alone, LIGHT)).text
     assert "edge off by" not in text
     assert "12.410" in text

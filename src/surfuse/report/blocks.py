@@ -60,6 +60,8 @@ def score_table(rows: tuple[ScoreRow, ...]) -> Markup:
     edges = any(math.isfinite(row.edge_m) for row in rows)
     columns = [
         ("RMSE (mm)", 3, [MM * row.score.rmse_m for row in rows]),
+        ("dense RMSE (mm)", 3, [MM * row.dense.rmse_m for row in rows]),
+        ("off the edges (mm)", 3, [MM * row.dense.off_edge_rmse_m for row in rows]),
         ("MAE (mm)", 3, [MM * row.score.mae_m for row in rows]),
         ("bias (mm)", 3, [MM * row.score.bias_m for row in rows]),
         ("95 % below (mm)", 3, [MM * row.score.p95_m for row in rows]),

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from surfuse.errors import DataError
 from surfuse.records import (
     ByteArray,
+    DenseScore,
     FloatArray,
     FusedPoints,
     IntArray,
@@ -153,14 +154,16 @@ class NamedMap:
 
 @dataclass(frozen=True)
 class ScoreRow:
-    """Errors of one method against truth; `edge_m` is how far it misplaces the edge of a step (nan: no step).
-
-    `score` is that of the whole map, in m.
-    """
+    """Errors of one method against truth, in m: at the nodes of the map, and against truth sampled every millimetre."""
 
     method: str
     score: Score
-    edge_m: float = float("nan")
+    dense: DenseScore
+
+    @property
+    def edge_m(self) -> float:
+        """How far the edges of steps are misplaced; nan where there is no step."""
+        return self.dense.edge_m
 
 
 @dataclass(frozen=True)

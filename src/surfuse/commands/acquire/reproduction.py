@@ -13,7 +13,7 @@ from surfuse import __version__, durable, registry
 from surfuse.commands.acquire.acquisition import acquire, default_folder
 from surfuse.commands.fuse.map_of_log import fused, grid_of
 from surfuse.commands.fuse.methods import create_method
-from surfuse.commands.judge.evaluation import edge_m, score_data
+from surfuse.commands.judge.evaluation import dense_data, mesh_dense_score, score_data
 from surfuse.commands.outcome import Outcome, Watcher, finite
 from surfuse.errors import InterruptError, SurfuseError
 from surfuse.records import Score, SurfaceMap
@@ -132,7 +132,7 @@ def _compare(experiment: Experiment, path: Path, settings: Settings, watcher: Wa
             maps[f"{PAPER}+spline"] = spline_surface(maps[name])
         watcher.advance()
     rows = {
-        name: ScoreRow(name, score(surface, truth), edge_m(surface, vertices, triangles))
+        name: ScoreRow(name, score(surface, truth), mesh_dense_score(surface, vertices, triangles))
         for name, surface in maps.items()
     }
     robot_s = float(scan.readings.t_s.max())
@@ -196,7 +196,8 @@ def _found(one: Compared) -> str:
 
 def _data(one: Compared) -> dict[str, object]:
     methods: dict[str, object] = {
-        name: {**score_data(row.score), "edge_mm": 1e3 * row.edge_m} for name, row in one.rows.items()
+        name: {**score_data(row.score), "edge_mm": 1e3 * row.edge_m, **dense_data(row.dense)}
+        for name, row in one.rows.items()
     }
     return {"methods": methods, "failures": one.failures, "robot_time_s": one.robot_s}
 
