@@ -3,7 +3,7 @@
     OMP_NUM_THREADS=1 python benchmarks/bench_judgement.py [--set held-out] [--maker optics] [--full] [--jobs 2]
 
 Sets: `development` and `held-out` (plates, curves, steps and their like), `kinds` (terraces, treads, chamfers, bolts,
-ribs) and `aside`: kinds whose figures are quoted and never looked at while a constant is chosen; each has its own seeds.
+ribs) and `aside`: kinds whose figures are quoted and never looked at while a constant is chosen. Each has its seeds.
 Errors are given at the nodes and dense: truth sampled every millimetre, the map interpolated.
 
 Scans of the project's own twin, or of an independent physical-optics simulator (`judged_optics`), go through the
@@ -40,8 +40,10 @@ SEEDS = {"development": (1, 2, 3), "held-out": (101, 102, 103), "kinds": (11, 12
 Z90 = 1.6449
 # Must and stretch of the dense ratio by the group of the set; of the dense error of single kinds in mm.
 DENSE_LIMITS = {"kinds": ("0.35", "0.25"), "aside": ("0.55", "0.45")}
-KIND_LIMITS = (("pyramid", "5", "3"), ("stairs", "6", "4"), ("waves 10 mm, 12 cm", "4", "2"), ("chamfer 3 cm", "5", "3"),
-               ("bolts", "2", "1"))  # fmt: skip
+KIND_LIMITS = (
+    ("pyramid", "5", "3"), ("stairs", "6", "4"), ("waves 10 mm, 12 cm", "4", "2"), ("chamfer 3 cm", "5", "3"),
+    ("bolts", "2", "1"),
+)  # fmt: skip
 Job = tuple[str, int, str, str, str, int, Path | None]
 
 

@@ -11,7 +11,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from surfuse.errors import DataError
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.records import BoolArray, DenseScore, FloatArray, IntArray, MapGrid, SurfaceMap
-from surfuse.surface.resample import resampled
+from surfuse.surface.resample import node_below, resampled
 from surfuse.surface.step_edges import STEP_LEAST_M, STEP_WITHIN_M, step_edges
 from surfuse.surface.truth import check_mesh, truth_from_mesh
 
@@ -108,14 +108,19 @@ def heights_between(surface: SurfaceMap, grid: MapGrid) -> FloatArray:
     """
     if not np.allclose(grid.world_from_part, surface.grid.world_from_part, rtol=0.0, atol=1e-9):
         raise DataError("map and truth lie in different part frames", cure="take the truth in the frame of the map")
-    between = resampled(surface, grid)
     steps = [float(np.median(np.diff(nodes))) for nodes in (surface.grid.u_m, surface.grid.v_m) if len(nodes) > 1]
     alone = max(steps, default=0.0)
+    known = np.where(surface.mask, surface.height_m, np.nan)
     column, beside_u = _nearest(grid.u_m, surface.grid.u_m, alone)
     row, beside_v = _nearest(grid.v_m, surface.grid.v_m, alone)
-    nearest = np.where(surface.mask, surface.height_m, np.nan)[np.ix_(row, column)]
-    nearest = np.where(beside_v[:, None] & beside_u[None, :], nearest, np.nan)
-    return np.where(between.mask, between.height_m, nearest)
+    nearest = np.where(beside_v[:, None] & beside_u[None, :], known[np.ix_(row, column)], np.nan)
+    (left, right, share_u), (low, high, share_v) = (
+        _neighbours(places, nodes)
+        for places, nodes in ((grid.u_m, surface.grid.u_m), (grid.v_m, surface.grid.v_m))
+    )
+    below, above = ((1.0 - share_u) * known[np.ix_(r, left)] + share_u * known[np.ix_(r, right)] for r in (low, high))
+    between = (1.0 - share_v)[:, None] * below + share_v[:, None] * above
+    return np.where(np.isfinite(between), between, nearest)
 
 
 def beside_steps(truth: SurfaceMap) -> BoolArray:
@@ -129,6 +134,17 @@ def beside_steps(truth: SurfaceMap) -> BoolArray:
     highest = maximum_filter(np.where(truth.mask, truth.height_m, -np.inf), footprint=disc, mode="nearest")
     lowest = minimum_filter(np.where(truth.mask, truth.height_m, np.inf), footprint=disc, mode="nearest")
     return np.asarray(truth.mask & (highest - lowest > STEP_LEAST_M), dtype=np.bool_)
+
+
+def _neighbours(places: FloatArray, nodes: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """Indices (N,) of the nodes below and above each place, and the weight of the upper one; nan outside the nodes.
+
+    On a node both are that node, so that what lies behind it does not count.
+    """
+    low, share = node_below(places, nodes)
+    one = np.minimum(low + (share == 1.0), len(nodes) - 1)
+    between = (share > 0.0) & (share < 1.0)
+    return one, np.where(between, one + 1, one), np.where(np.isfinite(share), np.where(between, share, 0.0), np.nan)
 
 
 def _nearest(places: FloatArray, nodes: FloatArray, alone_m: float) -> tuple[IntArray, BoolArray]:
