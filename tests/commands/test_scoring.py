@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from surfuse.commands.judge.evaluation import evaluate, has_step, mesh_dense_score, score_data, score_rows
+from surfuse.commands.judge.evaluation import evaluate, has_step, map_score, mesh_dense_score, score_data, score_rows
 from surfuse.commands.judge.truth_files import read_truth
 from surfuse.errors import DataError, StorageError
 from surfuse.exporters import nc
 from surfuse.geometry.poses import pose, rotation_about, transform_points
 from surfuse.records import MapGrid, Score, SurfaceMap
+from surfuse.surface.dense_score import dense_truth_of_mesh
+from surfuse.surface.grids import refined
+from surfuse.surface.truth import truth_around
 
 WORLD_FROM_PART = pose(rotation_about([0, 0, 1], 0.6), [0.4, -0.2, 1.0])
 GRID = MapGrid(np.linspace(-0.1, 0.1, 21), np.linspace(0.0, 0.2, 21), WORLD_FROM_PART)
@@ -98,3 +101,15 @@ def test_without_a_step_there_is_no_edge(tmp_path):
     assert found.rmse_m == pytest.approx(0.0, abs=1e-9)
     assert not has_step(surface(0.05 * GRID.v_m[:, None]))
     assert has_step(surface(np.where(GRID.v_m < 0.1, 0.03, 0.0)[:, None]))
+
+
+def test_a_map_on_a_finer_raster_is_compared_with_the_truth_at_its_own_nodes():
+    vertices, faces = stairs(0.1021)
+    finer = refined(GRID, 2)
+    right = truth_around(vertices, faces, finer)
+    found = map_score(right, truth_around(vertices, faces, GRID), dense_truth_of_mesh(vertices, faces, finer))
+    assert (found.rmse_mm, found.within_3mm, found.coverage) == (pytest.approx(0.0, abs=1e-6), 1.0, 1.0)
+    # Its nodes are right; between them the step of 9 cm is drawn as a slope.
+    assert found.dense_rmse_mm > 3.0
+    assert found.off_edge_rmse_mm < 0.3 * found.dense_rmse_mm
+    assert 0.9 < found.within_3_mm < 1.0

@@ -267,8 +267,26 @@ class SceneComparison:
 
 
 @dataclass(frozen=True)
+class PageTable:
+    """A table of texts: its title, the heads of its columns, its rows (as long as the head), and what it says."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    text: str = ""
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.head):
+                raise DataError(
+                    f"table '{self.title}': a row of {len(row)} cells under {len(self.head)} heads",
+                    cure="give a cell a column",
+                )
+
+
+@dataclass(frozen=True)
 class ComparisonContent:
-    """The page that compares methods on several scenes."""
+    """The page that compares methods on several scenes; `tables` stand behind the scenes."""
 
     title: str
     scenes: tuple[SceneComparison, ...]
@@ -276,6 +294,7 @@ class ComparisonContent:
     made: str = ""
     version: str = ""
     figures: tuple[KeyFigure, ...] = ()
+    tables: tuple[PageTable, ...] = ()
     events: tuple[ReportEvent, ...] = ()
     configuration_toml: str = ""
     safety: str = SAFETY

@@ -115,8 +115,7 @@ def heights_between(surface: SurfaceMap, grid: MapGrid) -> FloatArray:
     row, beside_v = _nearest(grid.v_m, surface.grid.v_m, alone)
     nearest = np.where(beside_v[:, None] & beside_u[None, :], known[np.ix_(row, column)], np.nan)
     (left, right, share_u), (low, high, share_v) = (
-        _neighbours(places, nodes)
-        for places, nodes in ((grid.u_m, surface.grid.u_m), (grid.v_m, surface.grid.v_m))
+        _neighbours(places, nodes) for places, nodes in ((grid.u_m, surface.grid.u_m), (grid.v_m, surface.grid.v_m))
     )
     below, above = ((1.0 - share_u) * known[np.ix_(r, left)] + share_u * known[np.ix_(r, right)] for r in (low, high))
     between = (1.0 - share_v)[:, None] * below + share_v[:, None] * above

@@ -16,7 +16,7 @@ def surface_of(result: FusionResult, grid: MapGrid, method: str, outline: Outlin
         return grid_points(result.points, grid, method, outline)
     if outline is None or outline.viewpoint_m is None:
         return result.surface
-    return masked(result.surface, cells_inside(grid, outline, result.surface.height_m))
+    return masked(result.surface, cells_inside(result.surface.grid, outline, result.surface.height_m))
 
 
 def masked(surface: SurfaceMap, keep: BoolArray) -> SurfaceMap:

@@ -13,6 +13,7 @@ from surfuse.commands.maps.map_files import map_path, read_map
 from surfuse.commands.outcome import Outcome
 from surfuse.records import DenseScore, FloatArray, IntArray, Score, SurfaceMap
 from surfuse.surface.dense_score import NEAR_M, dense_score, dense_truth_of_mesh
+from surfuse.surface.grids import place_in
 from surfuse.surface.score import error_map, score, share_within
 
 STEP_LEAST_M = 0.02
@@ -89,9 +90,11 @@ class MapScore:
 def map_score(surface: SurfaceMap, truth: SurfaceMap, fine_truth: SurfaceMap) -> MapScore:
     """Score of a map against truth near its grid, and against the same truth on the dense raster (see `dense_truth`).
 
-    With no cell in common all errors are nan and `cells` is 0.
+    With no cell in common all errors are nan and `cells` is 0. A map on a finer raster than the truth is compared with
+    the dense one at its nodes.
     """
-    return MapScore(score(surface, truth), share_within(surface, truth, NEAR_M), dense_score(surface, fine_truth))
+    near = truth if place_in(truth.grid, surface.grid) is not None else fine_truth
+    return MapScore(score(surface, near), share_within(surface, near, NEAR_M), dense_score(surface, fine_truth))
 
 
 def have_common_cells(surface: SurfaceMap, truth: SurfaceMap) -> bool:
