@@ -35,18 +35,23 @@ class Surface:
     reflectivity : energy reflection coefficient of sound, 0 to 1 (nearly 1 for a solid in air).
     diffuse : share of the incident sound energy that is scattered after Lambert's law, 0 to 1.
     albedo : share of light that is reflected diffusely, 0 to 1.
+    facet_slope : rms slope of the facets that scatter; the diffuse part then falls with the incidence i by
+        `exp(-tan(i)^2 / facet_slope^2)`. 0: it does not, as after Lambert's law.
     """
 
     roughness_m: float
     reflectivity: float
     diffuse: float
     albedo: float
+    facet_slope: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("reflectivity", "diffuse", "albedo"):
             value = getattr(self, name)
             if not 0.0 <= value <= 1.0:
                 raise ConfigError(f"material {name} = {value}", cure="give a share between 0 and 1")
+        if not 0.0 <= self.facet_slope <= 10.0:
+            raise ConfigError(f"material facet_slope = {self.facet_slope}", cure="give 0 (Lambert) to 10")
         if not 0.0 <= self.roughness_m < 0.01:
             raise ConfigError(f"material roughness_m = {self.roughness_m}", cure="give 0 to 0.01 m")
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from surfuse.commands.acquire.paper_constants import Constant, ConstantsStudy, Sensitivity, Trial
+from surfuse.commands.acquire.paper_constants import SHOWN, Constant, ConstantsStudy, Trial
 from surfuse.report.content import PageTable
+
+_NAMES = ("eighth", "halved", "doubled", "eightfold")
 
 
 def constants_data(study: ConstantsStudy, scenes: Sequence[str]) -> dict[str, object]:
@@ -17,8 +19,7 @@ def constants_data(study: ConstantsStudy, scenes: Sequence[str]) -> dict[str, ob
         "sensitivity": {
             one.constant.name: {
                 "value": one.constant.value,
-                "halved": _errors(one.halved, scenes),
-                "doubled": _errors(one.doubled, scenes),
+                **{name: _errors(trial, scenes) for name, trial in zip(_NAMES, one.trials, strict=True)},
             }
             for one in study.sensitivity
         },
@@ -26,34 +27,33 @@ def constants_data(study: ConstantsStudy, scenes: Sequence[str]) -> dict[str, ob
 
 
 def constants_rows(study: ConstantsStudy, scenes: Sequence[str]) -> list[tuple[str, str]]:
-    """As lines of a table: the best common setting, then each constant halved and doubled."""
-    rows = [("constants of the paper", f"dense mm on {', '.join(scenes)}: as configured, halved, doubled")]
+    """As lines of a table: each constant changed alone, then the best common setting."""
+    rows = [("constants of the paper", f"dense mm on {', '.join(scenes)}: as configured, {', '.join(_NAMES)}")]
     rows += [
-        (f"{one.constant.name} = {one.constant.value:g}", "   ".join(_in_words(trial) for trial in _trials(study, one)))
+        (
+            f"{one.constant.name} = {one.constant.value:g}",
+            "   ".join(_in_words(trial) for trial in (study.configured, *one.trials)),
+        )
         for one in study.sensitivity
     ]
     return [*rows, ("best common setting", f"{_in_words(study.best)} with {_setting(study.changed)}")]
 
 
 def constants_table(study: ConstantsStudy, scenes: Sequence[str]) -> PageTable:
-    """As a table of the report: a row a constant, for each scene the errors with half and with twice its value."""
+    """As a table of the report: a row a constant, for each scene the errors with multiples of its value."""
     rows = [("as configured", "", *(f"{error:.2f}" for error in study.configured.dense_rmse_mm))]
     for one in study.sensitivity:
-        for what, trial, factor in (("halved", one.halved, 0.5), ("doubled", one.doubled, 2.0)):
-            value = f"{factor * one.constant.value:g} ({what})"
+        for name, factor, trial in zip(_NAMES, SHOWN, one.trials, strict=True):
+            value = f"{factor * one.constant.value:g} ({name})"
             rows.append((one.constant.name, value, *_cells(trial, len(scenes))))
     rows.append(("best common setting", _setting(study.changed), *_cells(study.best, len(scenes))))
     return PageTable(
         "Constants of the paper's method",
         ("constant", "value", *(f"{scene}, dense RMSE (mm)" for scene in scenes)),
         tuple(rows),
-        "The paper gives no constants. Here each is halved and doubled alone, on the same readings; the last row is "
+        "The paper gives no constants. Here each is changed alone, on the same readings; the last row is "
         "one setting for all scenes, searched by their geometric mean error. It knows the truth; a user does not.",
     )
-
-
-def _trials(study: ConstantsStudy, one: Sensitivity) -> tuple[Trial | None, ...]:
-    return study.configured, one.halved, one.doubled
 
 
 def _in_words(trial: Trial | None) -> str:

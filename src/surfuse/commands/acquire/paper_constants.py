@@ -22,6 +22,9 @@ PAPER = "weighted_average"
 FACTORS = (0.125, 0.25, 0.5, 2.0, 4.0, 8.0)
 """Multiples of each constant that the search for the best common setting tries."""
 
+SHOWN = (0.125, 0.5, 2.0, 8.0)
+"""Multiples whose errors are shown, each constant changed alone: between twice and eight times a cliff may hide."""
+
 ROUNDS = 3
 LEAST_GAIN = 1e-3  # share of the error that a change must take away to be kept
 COVERAGE_LOST = 0.005  # a setting that leaves more of the part out than this is none: what is missing has no error
@@ -66,11 +69,10 @@ class Trial:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What one constant does: the trials with half and with twice its value, None where that is not allowed."""
+    """What one constant does: the trials with `SHOWN` times its value, None where that is not allowed."""
 
     constant: Constant
-    halved: Trial | None
-    doubled: Trial | None
+    trials: tuple[Trial | None, ...]
 
 
 @dataclass(frozen=True)
@@ -106,8 +108,8 @@ def study_constants(scans: Sequence[TrialScan], settings: FusionSettings, go_on:
     sensitivity = []
     for constant in configured.constants:
         go_on()
-        halved, doubled = (bench.trial(_with(configured.constants, constant, factor)) for factor in (0.5, 2.0))
-        sensitivity.append(Sensitivity(constant, halved, doubled))
+        trials = tuple(bench.trial(_with(configured.constants, constant, factor)) for factor in SHOWN)
+        sensitivity.append(Sensitivity(constant, trials))
     return ConstantsStudy(configured, _best(bench, configured, go_on), tuple(sensitivity))
 
 
