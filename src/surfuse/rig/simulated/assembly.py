@@ -32,7 +32,7 @@ from surfuse.sensors import simulated as simulated_sensor
 from surfuse.settings import NO_BUS, Settings
 from surfuse.twin.acoustics.air import AirParameters
 from surfuse.twin.acoustics.kit import TUBE, KitParameters
-from surfuse.twin.materials import with_roughness
+from surfuse.twin.materials import Material, Surface, with_material, with_roughness
 from surfuse.twin.optics import OpticsParameters
 from surfuse.twin.parts import Part, PartPose, make_part
 from surfuse.twin.scene import Scene, TableParameters, table_bodies
@@ -228,6 +228,12 @@ def _part_pose(settings: Settings) -> PartPose:
     )
 
 
+def _surfaces(settings: Settings) -> dict[Material, Surface]:
+    """What the part and the cell do to sound; a roughness counts before a material, as in files that have no other."""
+    scene = settings.scene
+    return with_material(scene.material) if scene.roughness is None else with_roughness(scene.roughness)
+
+
 def _physics(settings: Settings) -> TwinParameters:
     """The kit, the air, the light and the joints as configured."""
     kit, air = settings.kit, settings.air
@@ -244,7 +250,7 @@ def _physics(settings: Settings) -> TwinParameters:
         ),
         air=AirParameters(air.temperature_c, air.humidity_percent, assumed_temperature_c=air.assumed_temperature_c),
         optics=OpticsParameters(noise_levels=settings.camera.noise_levels),
-        surfaces=with_roughness(settings.scene.roughness),
+        surfaces=_surfaces(settings),
         # Six joints, each at about half the reach on average, share the error at the tool.
         repeatability_rad=1e-3 * settings.arm.repeatability_mm / (0.5 * ARM_REACH_M * np.sqrt(6.0)),
     )

@@ -72,8 +72,9 @@ class Sound(NamedTuple):
     """What materials (M,) and air do to sound, and which of all rough surfaces of that kind this one is.
 
     `mirror_of`, `roughness_of`, `diffuse_of` (M,) are the share of energy that is reflected, (2 k roughness)^2, and the
-    share that is scattered. `wave_number` k in 1/m, `absorption` in 1/m of amplitude, `cell_m` the side of the patches
-    that scatter with one phase, `seed` chooses the phases.
+    share that is scattered; `facets_of` (M,) is 1 / slope^2 of the facets that scatter, 0: after Lambert's law.
+    `wave_number` k in 1/m, `absorption` in 1/m of amplitude, `cell_m` the side of the patches that scatter with one
+    phase, `seed` chooses the phases.
     """
 
     mirror_of: FloatArray
