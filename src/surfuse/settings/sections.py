@@ -20,6 +20,7 @@ from surfuse.errors import ConfigError, nearest
 from surfuse.geometry.sensor_array import step_m as array_step_m
 from surfuse.runs.configuration import RUN_TABLE, read_configuration
 from surfuse.runs.toml_file import parse_toml
+from surfuse.settings.hidden_errors import HiddenErrors
 from surfuse.settings.looking_tables import CameraSettings, RangerSettings, SearchSettings
 from surfuse.settings.rig_tables import AreaSettings, SensorSettings, Value, own_keys
 
@@ -250,12 +251,24 @@ class Settings(Section):
     scan: ScanSettings = ScanSettings()
     fusion: FusionSettings = FusionSettings()
     sensor: Sensors = Field((), description="sensors of a real rig, one table each")
+    hidden: HiddenErrors | None = Field(
+        None, description="errors of the simulated rig that nothing tells of; see below"
+    )
     area: AreaSettings | None = Field(None, description="where a real rig scans; default: a camera looks for it")
 
     @property
     def pings(self) -> int:
         """Emissions averaged for one reading of the array."""
         return self.array.pings if self.scan.mode == "stops" else self.scan.pings
+
+    @model_validator(mode="after")
+    def _hides_only_what_is_simulated(self) -> Self:
+        if self.hidden is not None and self.arm.is_real:
+            raise ConfigError(
+                f"[hidden] with arm.driver = '{self.arm.driver}'",
+                cure="leave it out: errors can be planted in the simulated cell only",
+            )
+        return self
 
     @field_validator("sensor")
     @classmethod

@@ -84,7 +84,7 @@ class Sounder:
     ) -> None:
         self.scene, self.transducer, self.seed = scene, transducer, seed
         self.kit, self.air, self.bundle = kit or KitParameters(), air or AirParameters(), bundle or BundleParameters()
-        self.speed_m_s = speed_of_sound(self.air.temperature_c)
+        self.speed_m_s = speed_of_sound(self.air.temperature_c) * self.air.speed_factor
         self.assumed_speed_m_s = speed_of_sound(self.air.assumed_temperature_c)
         self.wave_number = 2.0 * np.pi * self.kit.frequency_hz / self.speed_m_s
         self.absorption = absorption(self.air, self.kit.frequency_hz)
