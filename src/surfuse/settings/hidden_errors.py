@@ -23,20 +23,16 @@ class HiddenErrors(RigTable):
     vectors: the axis times the angle.
     """
 
-    camera_mm: Vector = Field(
-        _NONE, description="camera: how far it truly sits away, in its own frame (x right, y down)"
-    )
+    camera_mm: Vector = Field(_NONE, description="camera: how far it truly sits away, in its frame (x right, y down)")
     camera_deg: Vector = Field(_NONE, description="camera: how it is truly turned, about its own axes")
     sensor_mm: Vectors = Field(
         (),
-        description="array: a vector a sensor, in the frame of the grip; z along the beams. Fewer: the rest is right",
+        description="array: a vector a sensor, in the frame of the grip, z along the beams; fewer: the rest is right",
     )
     sensor_deg: Vectors = Field((), description="array: a turn a sensor, about axes of the grip through the sensor")
     base_mm: Vector = Field(_NONE, description="arm: how far its base truly stands away, in the world")
     base_deg: Vector = Field(_NONE, description="arm: how its base is truly turned, about axes of the world")
-    temperature_k: float = Field(
-        0.0, ge=-40.0, le=40.0, description="air: how much warmer than `air.temperature_c` it is"
-    )
+    temperature_k: float = Field(0.0, ge=-40.0, le=40.0, description="air: by how much it is warmer than told")
     speed_percent: float = Field(
         0.0, ge=-5.0, le=5.0, description="air: how much faster sound is than its temperature says"
     )

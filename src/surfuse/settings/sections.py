@@ -251,9 +251,7 @@ class Settings(Section):
     scan: ScanSettings = ScanSettings()
     fusion: FusionSettings = FusionSettings()
     sensor: Sensors = Field((), description="sensors of a real rig, one table each")
-    hidden: HiddenErrors | None = Field(
-        None, description="errors of the simulated rig that nothing tells of; see below"
-    )
+    hidden: HiddenErrors | None = Field(None, description="errors of the simulated rig that nobody knows; see below")
     area: AreaSettings | None = Field(None, description="where a real rig scans; default: a camera looks for it")
 
     @property

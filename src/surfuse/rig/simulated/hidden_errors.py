@@ -31,9 +31,8 @@ def true_fixture(settings: Settings, fixture: Fixture) -> Fixture:
         )
     placed = np.array(fixture.grip_from_sensor)
     for number in range(count):
-        away, turn = (
-            given[number] if number < len(given) else RIGHT for given in (hidden.sensor_mm, hidden.sensor_deg)
-        )
+        given = (hidden.sensor_mm, hidden.sensor_deg)
+        away, turn = (vectors[number] if number < len(vectors) else RIGHT for vectors in given)
         placed[number, :3, :3] = _turned(turn) @ placed[number, :3, :3]
         placed[number, :3, 3] += 1e-3 * np.array(away)
     return Fixture(placed, fixture.specs)
