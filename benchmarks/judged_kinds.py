@@ -41,7 +41,7 @@ def kinds_to_develop_on() -> list[JudgedScene]:
         s("step 5 cm", "kinds", lambda u, v: np.where(u < -0.0085, 0.05, 0.0), edge="u"),
         s("step 4 cm, slope 5 deg", "kinds", lambda u, v: np.where(v > 0.011, 0.04, 0.0) + 0.0875 * u, edge="v"),
         s("corner step", "kinds", lambda u, v: np.where((u < 0.01) & (v < 0.02), 0.04, 0.0)),
-    ]  # fmt: skip
+    ]
 
 
 def kinds_kept_aside() -> list[JudgedScene]:
@@ -53,10 +53,14 @@ def kinds_kept_aside() -> list[JudgedScene]:
         return np.where((r > 0.035) & (r < 0.065), 0.025, 0.0)
 
     def letter(u: Array, v: Array) -> Array:
-        return np.where(((np.abs(u) < 0.015) & (np.abs(v) < 0.07)) | ((np.abs(v - 0.05) < 0.02) & (np.abs(u) < 0.06)), 0.03, 0.0)  # fmt: skip
+        return np.where(
+            ((np.abs(u) < 0.015) & (np.abs(v) < 0.07)) | ((np.abs(v - 0.05) < 0.02) & (np.abs(u) < 0.06)), 0.03, 0.0
+        )
 
     def pocket(u: Array, v: Array) -> Array:
-        return np.where((np.abs(u) < 0.07) & (np.abs(v) < 0.07), -0.025, 0.0) + np.where(np.hypot(u - 0.01, v) < 0.03, 0.025, 0.0)  # fmt: skip
+        return np.where((np.abs(u) < 0.07) & (np.abs(v) < 0.07), -0.025, 0.0) + np.where(
+            np.hypot(u - 0.01, v) < 0.03, 0.025, 0.0
+        )
 
     def spiral(u: Array, v: Array) -> Array:
         return 0.03 * np.mod(np.arctan2(v, u) / (2.0 * np.pi), 1.0)
@@ -65,16 +69,36 @@ def kinds_kept_aside() -> list[JudgedScene]:
         s("ring raised", "aside", ring),
         s("letter raised", "aside", letter),
         s("pocket with island", "aside", pocket),
-        s("crossed ribs", "aside", lambda u, v: np.where((np.abs(u + 0.02) < 0.012) | (np.abs(v - 0.01) < 0.012), 0.02, 0.0)),
+        s(
+            "crossed ribs",
+            "aside",
+            lambda u, v: np.where((np.abs(u + 0.02) < 0.012) | (np.abs(v - 0.01) < 0.012), 0.02, 0.0),
+        ),
         s("cone", "aside", lambda u, v: np.clip(0.05 - 0.6 * np.hypot(u, v), 0.0, None)),
-        s("block with sloped sides", "aside", lambda u, v: 0.04 * _smooth_step(0.06 - np.maximum(np.abs(u), np.abs(v)), 0.03)),
+        s(
+            "block with sloped sides",
+            "aside",
+            lambda u, v: 0.04 * _smooth_step(0.06 - np.maximum(np.abs(u), np.abs(v)), 0.03),
+        ),
         s("spiral ramp", "aside", spiral),
-        s("leaning slab", "aside", lambda u, v: np.where((np.abs(u) < 0.05) & (np.abs(v) < 0.06), 0.02 + 0.35 * u + 0.02, 0.0)),
-        s("hump beside a step", "aside", lambda u, v: np.where(v < -0.02, 0.04, 0.02 * np.exp(-((v - 0.04) ** 2 + u**2) / 0.0008))),
+        s(
+            "leaning slab",
+            "aside",
+            lambda u, v: np.where((np.abs(u) < 0.05) & (np.abs(v) < 0.06), 0.02 + 0.35 * u + 0.02, 0.0),
+        ),
+        s(
+            "hump beside a step",
+            "aside",
+            lambda u, v: np.where(v < -0.02, 0.04, 0.02 * np.exp(-((v - 0.04) ** 2 + u**2) / 0.0008)),
+        ),
         s("sunk disc", "aside", lambda u, v: np.where(np.hypot(u + 0.01, v) < 0.06, -0.02, 0.0)),
-        s("ridge and plane", "aside", lambda u, v: np.where(u < 0.0, 0.0, np.tan(np.radians(20.0)) * np.minimum(u, 0.1 - u))),
+        s(
+            "ridge and plane",
+            "aside",
+            lambda u, v: np.where(u < 0.0, 0.0, np.tan(np.radians(20.0)) * np.minimum(u, 0.1 - u)),
+        ),
         s("two plates apart", "aside", lambda u, v: np.where(u + 0.3 * v < -0.01, 0.035, 0.0) + 0.1 * v),
-    ]  # fmt: skip
+    ]
 
 
 __all__ = ["kinds_kept_aside", "kinds_to_develop_on", "plane", "waves"]

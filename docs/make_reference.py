@@ -54,7 +54,12 @@ DRIVERS_TEXT = """\
 They stand in the table that names the driver: `[arm]`, `[[sensor]]`, `[camera]` or `[ranger]`.
 """
 NEEDED = "needed"
-RIG_TABLES = {"[[sensor]]": SensorSettings, "[area]": AreaSettings, "[search.plane]": PlaneSettings, "[hidden]": HiddenErrors}
+RIG_TABLES = {
+    "[[sensor]]": SensorSettings,
+    "[area]": AreaSettings,
+    "[search.plane]": PlaneSettings,
+    "[hidden]": HiddenErrors,
+}
 DRIVERS = {
     "arms": ("bridge", "gcode", "recorded", "ur_rtde"),
     "sensors": ("a02yyuw", "gcode_probe", "hcsr04", "iio", "maxbotix", "ranging_kit", "recorded", "tfmini"),

@@ -10,7 +10,7 @@ import pytest
 from surfuse.errors import ConfigError, DataError, StorageError
 from surfuse.records import GuardReason, RegionDecision, SkippedStop
 from surfuse.report.comparison import render_comparison
-from surfuse.report.content import SAFETY, KeyFigure, ReportContent, ReportEvent
+from surfuse.report.content import SAFETY, KeyFigure, PageTable, ReportContent, ReportEvent
 from surfuse.report.page import PageLimits, render_report
 from surfuse.report.skeleton import POLICY, write_page
 
@@ -218,6 +218,17 @@ def test_hostile_names_stay_text_in_a_comparison(several_methods):
         Page(render_comparison(replace(several_methods, scenes=scenes, title=HOSTILE, introduction=HOSTILE))),
     )
     assert len(attacked.elements) == len(clean.elements)
+
+
+def test_tables_of_texts_stand_behind_the_scenes_and_stay_text(several_methods):
+    table = PageTable("Constants", ("constant", "error"), (("change_m", "0.72"), (HOSTILE, HOSTILE)), "What it says.")
+    page = Page(render_comparison(replace(several_methods, tables=(table,))))
+    for text in ("Constants", "change_m", "0.72", "What it says."):
+        assert text in page.text
+    calm = replace(table, rows=(("change_m", "0.72"), ("a", "b")))
+    assert len(page.elements) == len(Page(render_comparison(replace(several_methods, tables=(calm,)))).elements)
+    with pytest.raises(DataError, match="1 cells under 2 heads"):
+        replace(table, rows=(("alone",),))
 
 
 def test_best_figures_stand_out_and_a_column_without_figures_is_left_out(run_content, synthetic):
