@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from surfuse.rig.simulated.ranger_bench import Bench
 from surfuse.sensors.polaroid import SPEC
 from surfuse.settings import SceneSettings, load
 from surfuse.twin.acoustics.kit import BARE, TUBE, KitParameters
-from surfuse.twin.materials import MATERIALS, PARTS, Material, with_material, with_roughness
+from surfuse.twin.materials import MATERIALS, PARTS, Material, Surface, with_material, with_roughness
 from surfuse.twin.parts import make_part
 from surfuse.twin.scene import Scene, table_bodies
 from surfuse.twin.world import Twin, TwinParameters, transducer_of
@@ -164,3 +165,18 @@ def test_impossible_twins_are_refused(scene: Scene) -> None:
         Twin(scene, seed=-1)
     with pytest.raises(ConfigError, match="repeatability"):
         TwinParameters(repeatability_rad=-1.0)
+
+
+def test_the_configuration_names_the_material_and_files_of_version_0_1_keep_their_part() -> None:
+    def part(assignments: list[str], file: Path | None = None) -> Surface:
+        world, _ = build_world(load(file, assignments))
+        return world.parameters.surfaces[Material.PART]
+
+    golden = Path(__file__).parents[1] / "data" / "golden" / "v0.1.0" / "relief_paper" / "run.toml"
+    assert part([]) == PARTS["painted"]
+    assert part(["scene.material=foam"]) == PARTS["foam"]
+    assert part(["scene.roughness=0.0"]).diffuse == 0.0
+    assert "roughness = 0.35" in golden.read_text("utf-8")
+    assert part([], golden) == PARTS["matte"]
+    with pytest.raises(ConfigError, match=r"scene\.material"):
+        load(None, ["scene.material=wood"])
