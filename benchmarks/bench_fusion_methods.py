@@ -21,7 +21,7 @@ from surfuse import registry
 from surfuse.commands.acquire.acquisition import acquire
 from surfuse.commands.fuse.map_of_log import grid_of
 from surfuse.commands.judge.method_comparison import Against, MethodResult, result_of
-from surfuse.commands.judge.truth_files import edge_truth, read_truth
+from surfuse.commands.judge.truth_files import dense_truth, read_truth
 from surfuse.commands.outcome import SilentWatcher
 from surfuse.records import FloatArray, SurfaceMap
 from surfuse.report.axes import drawing
@@ -50,7 +50,7 @@ def case_of(name: str, log: Path) -> Case:
     """All methods on one log with its truth beside it."""
     scan = load_scan(log)
     grid = grid_of(scan)
-    against = Against(read_truth(log / "truth.ply", grid), edge_truth(log / "truth.ply", grid))
+    against = Against(read_truth(log / "truth.ply", grid), dense_truth(log / "truth.ply", grid))
     methods = registry.names("fusion")
     results = tuple(result_of(scan, FusionSettings(), method, grid, against) for method in methods)
     return Case(name, against.surface, results)
@@ -68,30 +68,32 @@ def own_cases() -> list[Case]:
 
 
 def cell(one: MethodResult, edges: bool) -> str:
-    """RMSE in mm, and at a step the share within 3 mm and the error of the edge."""
+    """RMSE at the nodes and dense in mm, and at a step the share within 3 mm and the error of the edge."""
     if one.found is None:
         return "-"
-    text = f"{1e3 * one.found.rmse_m:.2f}"
+    text = f"{one.found.rmse_mm:.2f}, {one.found.dense_rmse_mm:.2f}"
     if not edges:
         return text
-    edge = f"{1e3 * one.edge_m:+.0f}" if np.isfinite(one.edge_m) else "none"
-    return f"{text}, {100.0 * one.within:.0f} %, {edge}"
+    edge = f"{one.found.edge_mm:+.0f}" if np.isfinite(one.found.edge_mm) else "none"
+    return f"{text}, {100.0 * one.found.within_3_mm:.0f} %, {edge}"
 
 
 def table(cases: list[Case]) -> str:
     """The cases as columns, the methods as rows; the best RMSE of each column is bold."""
-    stepped = [any(np.isfinite(one.edge_m) for one in case.results) for case in cases]
+    found = [[one.found for one in case.results if one.found is not None] for case in cases]
+    stepped = [any(np.isfinite(one.edge_mm) for one in scores) for scores in found]
     heads = [
-        case.name + (" (RMSE, in 3 mm, edge)" if edges else "") for case, edges in zip(cases, stepped, strict=True)
+        case.name + (" (RMSE, dense, in 3 mm, edge)" if edges else " (RMSE, dense)")
+        for case, edges in zip(cases, stepped, strict=True)
     ]
     lines = ["| method | " + " | ".join(heads) + " |", "|---" * (len(cases) + 1) + "|"]
-    best = [min(one.found.rmse_m for one in case.results if one.found is not None) for case in cases]
+    best = [min(one.rmse_mm for one in scores) for scores in found]
     for k, one in enumerate(cases[0].results):
         cells = []
         for case, edges, least in zip(cases, stepped, best, strict=True):
             mine = case.results[k]
             text = cell(mine, edges)
-            cells.append(f"**{text}**" if mine.found is not None and mine.found.rmse_m == least else text)
+            cells.append(f"**{text}**" if mine.found is not None and mine.found.rmse_mm == least else text)
         lines.append(f"| {one.name} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

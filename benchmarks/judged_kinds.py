@@ -41,7 +41,7 @@ def kinds_to_develop_on() -> list[JudgedScene]:
         s("step 5 cm", "kinds", lambda u, v: np.where(u < -0.0085, 0.05, 0.0), edge="u"),
         s("step 4 cm, slope 5 deg", "kinds", lambda u, v: np.where(v > 0.011, 0.04, 0.0) + 0.0875 * u, edge="v"),
         s("corner step", "kinds", lambda u, v: np.where((u < 0.01) & (v < 0.02), 0.04, 0.0)),
-    ]  # fmt: skip
+    ]
 
 
 def _ring(u: Array, v: Array) -> Array:

@@ -19,6 +19,7 @@ import surfuse
 from surfuse import registry
 from surfuse.commands.explain.evidence_records import ReadingEvidence, StopEvidence
 from surfuse.settings import Settings
+from surfuse.settings.hidden_errors import HiddenErrors
 from surfuse.settings.looking_tables import PlaneSettings
 from surfuse.settings.rig_tables import AreaSettings, SensorSettings
 
@@ -53,7 +54,12 @@ DRIVERS_TEXT = """\
 They stand in the table that names the driver: `[arm]`, `[[sensor]]`, `[camera]` or `[ranger]`.
 """
 NEEDED = "needed"
-RIG_TABLES = {"[[sensor]]": SensorSettings, "[area]": AreaSettings, "[search.plane]": PlaneSettings}
+RIG_TABLES = {
+    "[[sensor]]": SensorSettings,
+    "[area]": AreaSettings,
+    "[search.plane]": PlaneSettings,
+    "[hidden]": HiddenErrors,
+}
 DRIVERS = {
     "arms": ("bridge", "gcode", "recorded", "ur_rtde"),
     "sensors": ("a02yyuw", "gcode_probe", "hcsr04", "iio", "maxbotix", "ranging_kit", "recorded", "tfmini"),

@@ -11,7 +11,7 @@ from surfuse.commands.rangers.acceptance import TrialSource, accept, judge, meas
 from surfuse.commands.rangers.acceptance_checks import AcceptanceLimits
 from surfuse.commands.rangers.acceptance_trials import Trials, twin_trials
 from surfuse.commands.rangers.sensor_sheet import NAMED
-from surfuse.errors import DataError, UsageError
+from surfuse.errors import ConfigError, DataError, UsageError
 from surfuse.records import SensorSpec
 from surfuse.rig.simulated.acceptance_bench import FAULTS, planted
 from surfuse.rig.simulated.ranger_bench import known_readings_of
@@ -75,7 +75,7 @@ def test_page_and_model_are_written_and_a_refusal_says_why(tmp_path, monkeypatch
     deaf = replace(
         good.facing, status=np.ones_like(good.facing.status), range_m=np.full_like(good.facing.range_m, np.inf)
     )
-    monkeypatch.setattr(acceptance, "twin_trials", lambda ranger, seed: replace(good, facing=deaf))
+    monkeypatch.setattr(acceptance, "twin_trials", lambda ranger, seed, material: replace(good, facing=deaf))
     page, model = tmp_path / "a.html", tmp_path / "m.toml"
     outcome = accept("polaroid", None, page, model)
     assert outcome.summary["passed"] is False
@@ -182,3 +182,24 @@ def test_the_table_of_the_page_says_the_same_as_the_line(good):
         assert (name, verdict) == (check.name, "pass")
         assert measured in check.text()
         assert limit.split()[0] in check.text()
+
+
+@pytest.mark.parametrize(
+    ("material", "low_deg", "high_deg"), [("painted", 22.5, 27.5), ("matte", 45.0, 60.0), ("metal", 5.0, 9.0)]
+)
+def test_the_usable_incidence_is_what_was_found_and_not_what_the_sheet_says(material, low_deg, high_deg, tmp_path):
+    model = tmp_path / "model.toml"
+    outcome = accept("polaroid", None, None, model, TrialSource(seed=3, material=material))
+    found = outcome.summary["usable_incidence_deg"]
+    assert low_deg <= found <= high_deg
+    assert outcome.summary["material"] == material
+    assert f"{found:.1f} degrees on a plate of '{material}'; the spec says 25" in dict(outcome.table)["usable up to"]
+    assert np.degrees(read_sensors(model)[0].incidence_limit_rad) == pytest.approx(found)
+    assert outcome.summary["faults"] == (["incidence"] if material == "metal" else [])
+
+
+def test_a_material_belongs_to_the_twin(tmp_path):
+    with pytest.raises(UsageError, match="--material"):
+        TrialSource(log=tmp_path / "x.csv", distances_m=(0.4,), material="foam").trials(SPEC)
+    with pytest.raises(ConfigError, match="material 'wood'"):
+        TrialSource(material="wood").trials(SPEC)

@@ -67,7 +67,17 @@ def facing_the_part(cell, forward_m=0.69, height_m=1.10):
 
 def readings(*overrides):
     cell = simulated_rig(
-        load(None, ["scene.name=tilted", "array.pings=3", "seed=5", "arm.driver=kinematic", *overrides])
+        load(
+            None,
+            [
+                "scene.name=tilted",
+                "scene.material=matte",
+                "array.pings=3",
+                "seed=5",
+                "arm.driver=kinematic",
+                *overrides,
+            ],
+        )
     )
     with cell.opened():
         found = []
@@ -176,7 +186,7 @@ class NodeHere:
 
 @pytest.mark.parametrize("when", ["between two sweeps", "in the middle of a sweep"])
 def test_a_simulated_node_that_is_started_again_changes_no_number(when):
-    settings = load(None, ["scene.name=tilted", "array.pings=3", "seed=5"])
+    settings = load(None, ["scene.name=tilted", "scene.material=matte", "array.pings=3", "seed=5"])
     world, _ = build_world(settings)
     fixture, grip = square_fixture(settings), world_from_shoulder(math.radians(35.0)) @ looking_outwards(0.69, 1.11)
     clock, stop = SimulatedClock(), [0]

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 import trimesh
 
-from surfuse.commands.judge.evaluation import edge_m, edge_of, evaluate, has_step, score_data, score_rows
+from surfuse.commands.judge.evaluation import evaluate, has_step, map_score, mesh_dense_score, score_data, score_rows
 from surfuse.commands.judge.truth_files import read_truth
 from surfuse.errors import DataError, StorageError
 from surfuse.exporters import nc
 from surfuse.geometry.poses import pose, rotation_about, transform_points
 from surfuse.records import MapGrid, Score, SurfaceMap
+from surfuse.surface.dense_score import dense_truth_of_mesh
+from surfuse.surface.grids import refined
+from surfuse.surface.truth import truth_around
 
 WORLD_FROM_PART = pose(rotation_about([0, 0, 1], 0.6), [0.4, -0.2, 1.0])
 GRID = MapGrid(np.linspace(-0.1, 0.1, 21), np.linspace(0.0, 0.2, 21), WORLD_FROM_PART)
@@ -90,18 +91,25 @@ def test_the_edge_of_a_step_is_where_the_map_has_it(shift_m):
     vertices, faces = stairs(0.105)
     true_at = 0.105 + shift_m
     height = np.where(GRID.v_m < true_at, 0.09, 0.0)[:, None]
-    assert edge_m(surface(height), vertices, faces) == pytest.approx(shift_m, abs=0.006)
+    assert mesh_dense_score(surface(height), vertices, faces).edge_m == pytest.approx(shift_m, abs=0.006)
 
 
 def test_without_a_step_there_is_no_edge(tmp_path):
     mesh = sheet(0.01)
-    assert np.isnan(edge_m(surface(np.full(GRID.shape, 0.01)), np.array(mesh.vertices), np.array(mesh.faces)))
+    found = mesh_dense_score(surface(np.full(GRID.shape, 0.01)), np.array(mesh.vertices), np.array(mesh.faces))
+    assert np.isnan(found.edge_m)
+    assert found.rmse_m == pytest.approx(0.0, abs=1e-9)
     assert not has_step(surface(0.05 * GRID.v_m[:, None]))
     assert has_step(surface(np.where(GRID.v_m < 0.1, 0.03, 0.0)[:, None]))
 
 
-def test_in_another_frame_there_is_no_edge():
-    step = surface(np.where(GRID.v_m < 0.1, 0.09, 0.0)[:, None])
-    turned = dataclasses.replace(GRID, world_from_part=np.eye(4))
-    assert not np.isnan(edge_of(step, step))
-    assert np.isnan(edge_of(step, surface(step.height_m, turned)))
+def test_a_map_on_a_finer_raster_is_compared_with_the_truth_at_its_own_nodes():
+    vertices, faces = stairs(0.1021)
+    finer = refined(GRID, 2)
+    right = truth_around(vertices, faces, finer)
+    found = map_score(right, truth_around(vertices, faces, GRID), dense_truth_of_mesh(vertices, faces, finer))
+    assert (found.rmse_mm, found.within_3mm, found.coverage) == (pytest.approx(0.0, abs=1e-6), 1.0, 1.0)
+    # Its nodes are right; between them the step of 9 cm is drawn as a slope.
+    assert found.dense_rmse_mm > 3.0
+    assert found.off_edge_rmse_mm < 0.3 * found.dense_rmse_mm
+    assert 0.9 < found.within_3_mm < 1.0

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from surfuse.commands.judge.evaluation import edge_m
+from surfuse.commands.judge.evaluation import mesh_dense_score
 from surfuse.exporters import nc
 from surfuse.records import Gap, SurfaceMap
 from surfuse.surface.score import score
@@ -49,7 +49,7 @@ def test_relief_is_there_but_rounded(experiment):
     front, back = profile[(v > 0.02) & (v < 0.07)].mean(), profile[(v > 0.17) & (v < 0.20)].mean()
     assert front - back == pytest.approx(STEP_M, abs=0.01)
     # The beam hears the nearer surface first, so the block seems higher than it is.
-    assert edge_m(surface, *read_truth_mesh(run / "truth.ply")) > 0.003
+    assert mesh_dense_score(surface, *read_truth_mesh(run / "truth.ply")).edge_m > 0.003
     between = surface.height_m[(surface.height_m < front - 0.01) & (surface.height_m > back + 0.01)]
     assert len(between) > 10
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from surfuse.geometry.poses import pose
 from surfuse.records import (
+    DenseScore,
     FloatArray,
     FusedPoints,
     Gap,
@@ -193,6 +194,11 @@ def ring_table() -> Scenery:
     return Scenery("ring table", np.concatenate([inner, outer]), faces)
 
 
+def dense(rmse_m: float, edge_m: float) -> DenseScore:
+    """A score of a map with that error and that place of the edge, both in m."""
+    return DenseScore(rmse_m, 0.6 * rmse_m, edge_m, 0.9, 0.982, 40000)
+
+
 def report_content(seed: int = 1) -> ReportContent:
     """A whole run with everything that a report can show."""
     rng = np.random.default_rng(seed)
@@ -226,7 +232,7 @@ def report_content(seed: int = 1) -> ReportContent:
         arm_m=skeleton(readings),
         scenery=(ring_table(),),
         scores=tuple(
-            ScoreRow(named.label, Score(rmse, 0.6 * rmse, bias, 2.2 * rmse, 0.982, 441), edge_m=edge)
+            ScoreRow(named.label, Score(rmse, 0.6 * rmse, bias, 2.2 * rmse, 0.982, 441), dense(1.1 * rmse, edge))
             for named, rmse, bias, edge in zip(
                 maps, (0.01241, 0.01304, 0.0031), (0.0021, 0.0024, -0.0001), (0.0312, 0.0335, 0.0042), strict=True
             )
@@ -259,7 +265,7 @@ def comparison_content(seed: int = 2) -> ComparisonContent:
     ):
         maps = tuple(NamedMap(label, surface(0.01, blur, noise, label, rng)) for label, blur, noise in blurs)
         scores = tuple(
-            ScoreRow(m.label, Score(0.2 * b, 0.1 * b, 0.01 * b, 0.4 * b, 0.98, 441), b / 2)
+            ScoreRow(m.label, Score(0.2 * b, 0.1 * b, 0.01 * b, 0.4 * b, 0.98, 441), dense(0.22 * b, b / 2))
             for m, (_, b, _) in zip(maps, blurs, strict=True)
         )
         scenes.append(

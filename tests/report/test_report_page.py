@@ -10,7 +10,7 @@ import pytest
 from surfuse.errors import ConfigError, DataError, StorageError
 from surfuse.records import GuardReason, RegionDecision, SkippedStop
 from surfuse.report.comparison import render_comparison
-from surfuse.report.content import SAFETY, KeyFigure, ReportContent, ReportEvent
+from surfuse.report.content import SAFETY, KeyFigure, PageTable, ReportContent, ReportEvent
 from surfuse.report.page import PageLimits, render_report
 from surfuse.report.skeleton import POLICY, write_page
 
@@ -220,10 +220,21 @@ def test_hostile_names_stay_text_in_a_comparison(several_methods):
     assert len(attacked.elements) == len(clean.elements)
 
 
-def test_best_figures_stand_out_and_a_column_without_figures_is_left_out(run_content):
+def test_tables_of_texts_stand_behind_the_scenes_and_stay_text(several_methods):
+    table = PageTable("Constants", ("constant", "error"), (("change_m", "0.72"), (HOSTILE, HOSTILE)), "What it says.")
+    page = Page(render_comparison(replace(several_methods, tables=(table,))))
+    for text in ("Constants", "change_m", "0.72", "What it says."):
+        assert text in page.text
+    calm = replace(table, rows=(("change_m", "0.72"), ("a", "b")))
+    assert len(page.elements) == len(Page(render_comparison(replace(several_methods, tables=(calm,)))).elements)
+    with pytest.raises(DataError, match="1 cells under 2 heads"):
+        replace(table, rows=(("alone",),))
+
+
+def test_best_figures_stand_out_and_a_column_without_figures_is_left_out(run_content, synthetic):
     cells = re.findall(r'<td class="best">([^<]*)</td>', render_report(run_content, LIGHT))
-    assert cells == ["3.100", "1.860", "−0.100", "6.820", "4.2"]
-    alone = replace(run_content, scores=(replace(run_content.scores[0], edge_m=float("nan")),))
+    assert cells == ["3.100", "3.410", "2.046", "1.860", "−0.100", "6.820", "4.2"]
+    alone = replace(run_content, scores=(replace(run_content.scores[0], dense=synthetic.dense(0.012, float("nan"))),))
     text = Page(render_report(alone, LIGHT)).text
     assert "edge off by" not in text
     assert "12.410" in text

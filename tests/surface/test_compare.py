@@ -11,7 +11,7 @@ from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import FloatArray, MapGrid, Regime, SurfaceMap
 from surfuse.surface.grids import extended_grid, refined
 from surfuse.surface.resample import resampled, triangles
-from surfuse.surface.score import crossings, edge_error, error_map, middle_level, score
+from surfuse.surface.score import error_map, score
 from surfuse.surface.truth import truth_around, truth_from_mesh
 
 AXIS = np.arange(-5, 6) * 0.01
@@ -194,45 +194,3 @@ def test_refining_a_grid_keeps_its_nodes() -> None:
     np.testing.assert_array_equal(got.u_m[::4], grid.u_m)
     with pytest.raises(DataError, match="factor"):
         refined(grid, 0)
-
-
-def test_crossings_of_a_profile() -> None:
-    x = np.arange(7.0)
-    at, sense = crossings(x, np.array([0.0, 1.0, 1.0, 0.0, np.nan, 1.0, 0.0]), 0.25)
-    np.testing.assert_allclose(at, [0.25, 2.75, 5.75])
-    assert sense.tolist() == [1.0, -1.0, -1.0]
-
-
-@pytest.mark.parametrize("along", ["u", "v"])
-@pytest.mark.parametrize("shift", [-0.012, 0.0, 0.0371])
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_edge_error_is_positive_when_the_high_side_is_too_large(along: str, shift: float, side: float) -> None:
-    def step(at: float, width: float) -> Callable[..., FloatArray]:
-        # High where side * x < at: the high side ends at side * at and reaches out towards larger side * x.
-        return lambda u, v: 0.02 + 0.09 * np.clip(0.5 - (side * (u if along == "u" else v) - at) / width, 0.0, 1.0)
-
-    wide = np.arange(-10, 11) * 0.01
-    truth = map_of(
-        step(0.005, 1e-9),
-        u=refined(MapGrid(wide, wide, np.eye(4)), 20).u_m,
-        v=refined(MapGrid(wide, wide, np.eye(4)), 20).v_m,
-    )
-    surface = map_of(step(0.005 + shift, 0.04), u=wide, v=wide)
-    got = edge_error(surface, truth, along)  # type: ignore[arg-type]
-    assert got.level_m == pytest.approx(0.065)
-    assert len(got.error_m) == 21
-    np.testing.assert_allclose(got.error_m, shift, atol=3e-4)
-    assert got.bias_m == pytest.approx(shift, abs=3e-4)
-    assert got.rms_m == pytest.approx(abs(shift), abs=3e-4)
-    assert got.found == 1.0
-
-
-def test_an_edge_that_the_map_lacks_is_said_so() -> None:
-    truth = map_of(lambda u, v: np.where(v < 0.001, 0.09, 0.0))
-    flat = map_of(lambda u, v: np.where(u < 0.001, np.where(v < 0.001, 0.09, 0.0), 0.0))
-    got = edge_error(flat, truth, "v")
-    assert got.found == pytest.approx(6 / 11)
-    assert middle_level(truth) == pytest.approx(0.045)
-    other = map_of(lambda u, v: u, frame=pose(np.eye(3), [1.0, 0, 0]))
-    with pytest.raises(DataError, match="frames"):
-        edge_error(other, truth)

@@ -15,7 +15,7 @@ import pytest
 from surfuse.cli import main
 from surfuse.commands.fuse.map_of_log import grid_of
 from surfuse.commands.judge.method_comparison import Against, line_of, result_of
-from surfuse.commands.judge.truth_files import edge_truth, read_truth
+from surfuse.commands.judge.truth_files import dense_truth, read_truth
 from surfuse.runs.scan_source import load_scan
 from surfuse.settings import FusionSettings
 
@@ -93,7 +93,7 @@ def check_compare(command: str, wanted: list[str]) -> None:
     _, log, _, truth = command.split()
     scan = load_scan(Path(log))
     grid = grid_of(scan)
-    against = Against(read_truth(Path(truth), grid), edge_truth(Path(truth), grid))
+    against = Against(read_truth(Path(truth), grid), dense_truth(Path(truth), grid))
     for line in wanted[1:]:
         name, *cells = line.split()
         text = line_of(result_of(scan, FusionSettings(), name, grid, against))

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +10,11 @@ from surfuse.interfaces import World
 from surfuse.records import CameraModel, SensorSpec
 from surfuse.rig.description import array_spec
 from surfuse.rig.simulated.assembly import build_world
-from surfuse.settings import load
+from surfuse.rig.simulated.ranger_bench import Bench
+from surfuse.sensors.polaroid import SPEC
+from surfuse.settings import SceneSettings, load
 from surfuse.twin.acoustics.kit import BARE, TUBE, KitParameters
-from surfuse.twin.materials import Material, with_roughness
+from surfuse.twin.materials import MATERIALS, PARTS, Material, Surface, with_material, with_roughness
 from surfuse.twin.parts import make_part
 from surfuse.twin.scene import Scene, table_bodies
 from surfuse.twin.world import Twin, TwinParameters, transducer_of
@@ -125,6 +128,29 @@ def test_repeatability_has_the_asked_width(scene: Scene) -> None:
     assert twin.repeatability(5000).std() == pytest.approx(1e-3, rel=0.05)
 
 
+def heard_share(material: str, tilt_deg: float) -> float:
+    """Share of readings through the tube that a tilted plate 0.43 m away answers."""
+    return Bench(SPEC, material=material, seed=4).measure(0.43, np.radians(tilt_deg), 100).heard
+
+
+def test_the_usual_part_has_the_limit_of_the_paper() -> None:
+    assert SceneSettings().material == "painted"
+    assert heard_share("painted", 20.0) > 0.85
+    assert 0.25 < heard_share("painted", 27.5) < 0.75
+    assert heard_share("painted", 32.5) < 0.10
+
+
+def test_materials_do_what_they_are_described_to_do() -> None:
+    assert heard_share("matte", 45.0) > 0.9
+    assert heard_share("metal", 6.0) == 1.0
+    assert heard_share("metal", 9.0) == 0.0
+    facing = {name: Bench(SPEC, material=name).measure(0.43, 0.0, 20).amplitude.mean() for name in PARTS}
+    assert facing["foam"] < 0.4 < 0.9 < min(facing[name] for name in ("painted", "matte", "metal"))
+    assert with_material("matte") == with_roughness(0.35) == MATERIALS
+    with pytest.raises(ConfigError, match="did you mean 'metal'"):
+        with_material("metall")
+
+
 def test_roughness_runs_from_mirror_to_diffuse() -> None:
     mirror, usual, rough = (with_roughness(value)[Material.PART] for value in (0.0, 0.35, 1.0))
     assert (mirror.roughness_m, mirror.diffuse) == (0.0, 0.0)
@@ -139,3 +165,18 @@ def test_impossible_twins_are_refused(scene: Scene) -> None:
         Twin(scene, seed=-1)
     with pytest.raises(ConfigError, match="repeatability"):
         TwinParameters(repeatability_rad=-1.0)
+
+
+def test_the_configuration_names_the_material_and_files_of_version_0_1_keep_their_part() -> None:
+    def part(assignments: list[str], file: Path | None = None) -> Surface:
+        world, _ = build_world(load(file, assignments))
+        return world.parameters.surfaces[Material.PART]
+
+    golden = Path(__file__).parents[1] / "data" / "golden" / "v0.1.0" / "relief_paper" / "run.toml"
+    assert part([]) == PARTS["painted"]
+    assert part(["scene.material=foam"]) == PARTS["foam"]
+    assert part(["scene.roughness=0.0"]).diffuse == 0.0
+    assert "roughness = 0.35" in golden.read_text("utf-8")
+    assert part([], golden) == PARTS["matte"]
+    with pytest.raises(ConfigError, match=r"scene\.material"):
+        load(None, ["scene.material=wood"])

@@ -17,6 +17,7 @@ HELP = """Test a ranger: accuracy, noise, dropouts, slips, drift, beam, incidenc
 Examples:
     surfuse accept polaroid --out accept.html --model model.toml
     surfuse accept polaroid --plant drift
+    surfuse accept polaroid --material metal
     surfuse accept sensors.toml --log readings.csv --distances 0.4,0.6,0.8 --model model.toml
 """
 
@@ -42,6 +43,9 @@ def accept(
     seed: Annotated[
         int | None, typer.Option("--seed", help="Seed of the twin; default 1.", parser=Whole(0, SEED_MAX), metavar="N")
     ] = None,
+    material: Annotated[
+        str | None, typer.Option("--material", help="Of the plate that is tilted: painted, matte, metal or foam.")
+    ] = None,
     force: options.Force = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
@@ -50,7 +54,7 @@ def accept(
     from surfuse.commands.rangers import acceptance
 
     metres = acceptance.metres(distances)
-    source = acceptance.TrialSource(log, metres, warm_up, plant, seed)
+    source = acceptance.TrialSource(log, metres, warm_up, plant, seed, material)
     outcome = acceptance.accept(spec, sensor, out, model, source, force=force)
     options.show(outcome.summary, outcome.table, as_json, quiet)
     return 0 if outcome.summary["passed"] else REFUSED

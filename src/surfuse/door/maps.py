@@ -12,7 +12,7 @@ from surfuse.commands.fuse.map_of_log import fused, grid_of, require_cells
 from surfuse.commands.fuse.methods import create_method, method_lines
 from surfuse.commands.judge.evaluation import MapScore, have_common_cells, map_score
 from surfuse.commands.judge.findings import findings_of
-from surfuse.commands.judge.truth_files import edge_truth, read_truth
+from surfuse.commands.judge.truth_files import dense_truth, read_truth
 from surfuse.commands.maps.map_files import map_path, read_map
 from surfuse.door.arguments import FilePath, finite_number, path_of, plain_values, shown
 from surfuse.door.logs import Log
@@ -23,6 +23,7 @@ from surfuse.interfaces import FusionMethod
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import require_echoes
 from surfuse.settings import FusionSettings, from_tree
+from surfuse.surface.dense_score import dense_truth_of_map
 
 _ELSEWHERE = "map and truth have no cell in common"
 
@@ -112,7 +113,7 @@ def evaluate(surface: SurfaceMap | FilePath, truth: SurfaceMap | FilePath, scale
     """
     record = surface.record if isinstance(surface, SurfaceMap) else read_map(path_of(surface, "surface"))
     if isinstance(truth, SurfaceMap):
-        found = map_score(record, truth.record, truth.record)
+        found = map_score(record, truth.record, dense_truth_of_map(truth.record, record.grid))
         if found.cells == 0:
             raise DataError(_ELSEWHERE, cure="give truth in the frame of the readings")
         return found
@@ -126,4 +127,4 @@ def evaluate(surface: SurfaceMap | FilePath, truth: SurfaceMap | FilePath, scale
             where=str(file),
             cure="give truth in the frame of the readings; scale=0.001 if its numbers are millimetres",
         )
-    return map_score(record, true, edge_truth(file, record.grid, factor))
+    return map_score(record, true, dense_truth(file, record.grid, factor))

@@ -27,7 +27,7 @@ from surfuse.records.sensing import (
     SensorSpec,
     ToolState,
 )
-from surfuse.records.surface import FusionResult, MapGrid, Score, SurfaceMap
+from surfuse.records.surface import DenseScore, FusionResult, MapGrid, Score, SurfaceMap
 
 __all__ = [
     "LIGHT_KINDS",
@@ -37,6 +37,7 @@ __all__ = [
     "ByteArray",
     "CameraFrame",
     "CameraModel",
+    "DenseScore",
     "Detection",
     "Echo",
     "Finding",

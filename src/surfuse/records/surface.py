@@ -125,3 +125,21 @@ class Score:
     p95_m: float
     coverage: float
     cells: int
+
+
+@dataclass(frozen=True)
+class DenseScore:
+    """Errors (map minus truth, along w) over the whole true part, in m.
+
+    `off_edge_rmse_m` leaves out the places within a step (8 mm within 6 mm). `edge_m` is the mean signed error of
+    the edges of all steps, across them; positive: the higher side reaches out too far; nan: truth has no step, or the
+    map has none of its edges. `within` is the share (0 to 1) of the places that are right to 3 mm, where the map has
+    no value it is wrong; `coverage` the share where it has one. `places`: how many places both have.
+    """
+
+    rmse_m: float
+    off_edge_rmse_m: float
+    edge_m: float
+    within: float
+    coverage: float
+    places: int

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from surfuse.report.content import KeyFigure, ReportEvent, ScoreRow
+from surfuse.report.content import KeyFigure, PageTable, ReportEvent, ScoreRow
 from surfuse.report.markup import Child, Markup, element, join
 
 MM = 1000.0
@@ -60,6 +60,8 @@ def score_table(rows: tuple[ScoreRow, ...]) -> Markup:
     edges = any(math.isfinite(row.edge_m) for row in rows)
     columns = [
         ("RMSE (mm)", 3, [MM * row.score.rmse_m for row in rows]),
+        ("dense RMSE (mm)", 3, [MM * row.dense.rmse_m for row in rows]),
+        ("off the edges (mm)", 3, [MM * row.dense.off_edge_rmse_m for row in rows]),
         ("MAE (mm)", 3, [MM * row.score.mae_m for row in rows]),
         ("bias (mm)", 3, [MM * row.score.bias_m for row in rows]),
         ("95 % below (mm)", 3, [MM * row.score.p95_m for row in rows]),
@@ -79,6 +81,17 @@ def score_table(rows: tuple[ScoreRow, ...]) -> Markup:
         body.append(element("tr", None, name, *cells, element("td", None, f"{row.score.cells}")))
     table = element("table", None, element("thead", None, head), element("tbody", None, *body))
     return element("div", {"class": "scroll", "tabindex": 0, "role": "region", "aria-label": "Table of errors"}, table)
+
+
+def text_table(table: PageTable) -> Markup:
+    """A table of texts; the first cell of a row is its head."""
+    head = element("tr", None, *(element("th", {"scope": "col"}, one) for one in table.head))
+    body: list[Child] = [
+        element("tr", None, element("th", {"scope": "row"}, row[0]), *(element("td", None, cell) for cell in row[1:]))
+        for row in table.rows
+    ]
+    drawn = element("table", None, element("thead", None, head), element("tbody", None, *body))
+    return element("div", {"class": "scroll", "tabindex": 0, "role": "region", "aria-label": table.title}, drawn)
 
 
 def _is_best(title: str, values: list[float], k: int) -> bool:

@@ -12,6 +12,7 @@ from surfuse.report.blocks import (
     safety_note,
     score_table,
     section,
+    text_table,
 )
 from surfuse.report.content import ComparisonContent, SceneComparison
 from surfuse.report.map_data import MM, group_data, legends
@@ -67,6 +68,9 @@ def render_comparison(content: ComparisonContent, limits: PageLimits | None = No
     entries = [(f"scene-{k + 1}", scene.name) for k, scene in enumerate(content.scenes)]
     body: list[Child] = [safety_note(content.safety), key_figures(content.figures)]
     body += [_scene_section(scene, k) for k, scene in enumerate(content.scenes)]
+    for k, table in enumerate(content.tables):
+        body.append(section(f"table-{k + 1}", table.title, element("p", None, table.text), text_table(table)))
+        entries.append((f"table-{k + 1}", table.title))
     if content.events:
         body.append(section("events", "Events and warnings", event_list(content.events)))
         entries.append(("events", "Events"))

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from surfuse.errors import DataError
 from surfuse.records import (
     ByteArray,
+    DenseScore,
     FloatArray,
     FusedPoints,
     IntArray,
@@ -153,14 +154,16 @@ class NamedMap:
 
 @dataclass(frozen=True)
 class ScoreRow:
-    """Errors of one method against truth; `edge_m` is how far it misplaces the edge of a step (nan: no step).
-
-    `score` is that of the whole map, in m.
-    """
+    """Errors of one method against truth, in m: at the nodes of the map, and against truth sampled every millimetre."""
 
     method: str
     score: Score
-    edge_m: float = float("nan")
+    dense: DenseScore
+
+    @property
+    def edge_m(self) -> float:
+        """How far the edges of steps are misplaced; nan where there is no step."""
+        return self.dense.edge_m
 
 
 @dataclass(frozen=True)
@@ -264,8 +267,26 @@ class SceneComparison:
 
 
 @dataclass(frozen=True)
+class PageTable:
+    """A table of texts: its title, the heads of its columns, its rows (as long as the head), and what it says."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    text: str = ""
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.head):
+                raise DataError(
+                    f"table '{self.title}': a row of {len(row)} cells under {len(self.head)} heads",
+                    cure="give a cell a column",
+                )
+
+
+@dataclass(frozen=True)
 class ComparisonContent:
-    """The page that compares methods on several scenes."""
+    """The page that compares methods on several scenes; `tables` stand behind the scenes."""
 
     title: str
     scenes: tuple[SceneComparison, ...]
@@ -273,6 +294,7 @@ class ComparisonContent:
     made: str = ""
     version: str = ""
     figures: tuple[KeyFigure, ...] = ()
+    tables: tuple[PageTable, ...] = ()
     events: tuple[ReportEvent, ...] = ()
     configuration_toml: str = ""
     safety: str = SAFETY

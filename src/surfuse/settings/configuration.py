@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from surfuse.errors import ConfigError
 from surfuse.geometry.sensor_array import step_m as array_step_m
 from surfuse.settings.arm_table import ArmSettings
+from surfuse.settings.hidden_errors import HiddenErrors
 from surfuse.settings.kit_tables import BUS_PINGS_LIMIT, NO_BUS, AirSettings, ArraySettings, BusSettings, KitSettings
 from surfuse.settings.looking_tables import CameraSettings, RangerSettings, SearchSettings
 from surfuse.settings.rig_tables import AreaSettings, SensorSettings
@@ -41,6 +42,7 @@ class Settings(Section):
     scan: ScanSettings = ScanSettings()
     fusion: FusionSettings = FusionSettings()
     sensor: Sensors = Field((), description="sensors of a real rig, one table each")
+    hidden: HiddenErrors | None = Field(None, description="errors of the simulated rig that nobody knows; see below")
     area: AreaSettings | None = Field(None, description="where a real rig scans; default: a camera looks for it")
 
     @property
@@ -56,6 +58,15 @@ class Settings(Section):
             if names.count(name) > 1:
                 raise ConfigError(f"two sensors are called '{name}'", cure="give every [[sensor]] a name of its own")
         return sensors
+
+    @model_validator(mode="after")
+    def _hides_only_what_is_simulated(self) -> Self:
+        if self.hidden is not None and self.arm.is_real:
+            raise ConfigError(
+                f"[hidden] with arm.driver = '{self.arm.driver}'",
+                cure="leave it out: errors can be planted in the simulated cell only",
+            )
+        return self
 
     @model_validator(mode="after")
     def _can_be_told_where_it_is(self) -> Self:

@@ -26,7 +26,14 @@ class SceneSettings(Section):
     tilt_deg: float = Field(0.0, ge=-90.0, le=90.0, description="lean away from the arm")
     scale: float = Field(1.0, gt=0.0, description="factor on a mesh file's numbers (0.001 for millimetres)")
     up: Literal["x", "y", "z"] = Field("z", description="axis of a mesh file that points up")
-    roughness: Fraction = Field(0.35, description="acoustic roughness of the part: 0 a mirror, 1 fully diffuse")
+    material: Literal["painted", "matte", "metal", "foam"] = Field(
+        "painted",
+        description="of the part: painted is heard well at 20 degrees and lost by 25 to 30, matte is heard at any "
+        "tilt, metal is a mirror for sound, foam swallows it",
+    )
+    roughness: Fraction | None = Field(
+        None, description="instead of a material: 0 a mirror, 0.35 matte, 1 fully diffuse"
+    )
 
 
 class TableSettings(Section):

@@ -93,7 +93,7 @@ def triangles(surface: SurfaceMap) -> tuple[FloatArray, IntArray]:
     return transform_points(surface.grid.world_from_part, points), renumbered.reshape(-1, 3).astype(np.int64)
 
 
-def _places(values: FloatArray, nodes: FloatArray) -> tuple[IntArray, FloatArray]:
+def node_below(values: FloatArray, nodes: FloatArray) -> tuple[IntArray, FloatArray]:
     """Index of the node below each value and the weight of the node above; nan where outside of the nodes."""
     if len(nodes) == 1:
         return np.zeros(len(values), dtype=np.int64), np.where(np.abs(values - nodes[0]) <= 1e-9, 0.0, np.nan)
@@ -107,7 +107,7 @@ def _places(values: FloatArray, nodes: FloatArray) -> tuple[IntArray, FloatArray
 def _bilinear(surface: SurfaceMap, grid: MapGrid, surface_from_grid: FloatArray) -> SurfaceMap:
     u, v = np.meshgrid(grid.u_m, grid.v_m)
     seen = transform_points(surface_from_grid, np.stack([u, v, np.zeros(grid.shape)], axis=-1).reshape(-1, 3))
-    (column, right), (row, up) = _places(seen[:, 0], surface.grid.u_m), _places(seen[:, 1], surface.grid.v_m)
+    (column, right), (row, up) = node_below(seen[:, 0], surface.grid.u_m), node_below(seen[:, 1], surface.grid.v_m)
     last_row, last_column = surface.grid.shape[0] - 1, surface.grid.shape[1] - 1
     leans = [
         (np.minimum(row + dr, last_row), np.minimum(column + dc, last_column), share_v * share_u)

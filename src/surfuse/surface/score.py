@@ -1,16 +1,13 @@
-"""How far a map is from the truth, over the surface and at an edge."""
+"""How far a map is from the truth at its nodes."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from surfuse.errors import DataError
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.records import BoolArray, FloatArray, MapGrid, Score, SurfaceMap
-from surfuse.surface.grids import SAME_M, extended_grid, place_in, same_nodes
+from surfuse.surface.grids import extended_grid, place_in, same_nodes
 from surfuse.surface.resample import resampled
 
 
@@ -89,100 +86,3 @@ def spread_over(surface: SurfaceMap, grid: MapGrid) -> tuple[BoolArray, FloatArr
     rows, columns = (slice(first, first + n) for first, n in zip(place, surface.grid.shape, strict=True))
     mask[rows, columns], height[rows, columns] = surface.mask, surface.height_m
     return mask, height
-
-
-@dataclass(frozen=True)
-class EdgeError:
-    """Where a map puts a step, against truth: signed errors (K,) in m, one a true crossing of a line of the map.
-
-    Positive: the higher side reaches out too far. nan: the map does not cross the level there.
-
-    `level_m` is the height at which the step was looked for, in the part frame.
-    """
-
-    error_m: FloatArray
-    level_m: float
-
-    @property
-    def bias_m(self) -> float:
-        """Mean signed error of the crossings found; nan without any."""
-        found = self.error_m[np.isfinite(self.error_m)]
-        return float(np.mean(found)) if len(found) else float("nan")
-
-    @property
-    def rms_m(self) -> float:
-        """Root mean square error of the crossings found; nan without any."""
-        found = self.error_m[np.isfinite(self.error_m)]
-        return float(np.sqrt(np.mean(found**2))) if len(found) else float("nan")
-
-    @property
-    def found(self) -> float:
-        """Share of the true crossings that the map has too; nan when truth has none."""
-        return float(np.mean(np.isfinite(self.error_m))) if len(self.error_m) else float("nan")
-
-
-def crossings(position_m: FloatArray, height_m: FloatArray, level_m: float) -> tuple[FloatArray, FloatArray]:
-    """Where a profile (N,) crosses a level between neighbouring values, and +1 where it rises there, -1 where it falls.
-
-    Linear between neighbours; a gap (nan) is not bridged. `position_m` (N,) increasing; both results are (K,) for K
-    crossings, in the order of the profile.
-    """
-    above = np.where(np.isfinite(height_m), (height_m > level_m).astype(np.float64), np.nan)
-    change = np.diff(above)
-    at = np.flatnonzero(np.isfinite(change) & (change != 0.0))
-    share = (level_m - height_m[at]) / (height_m[at + 1] - height_m[at])
-    return position_m[at] + share * (position_m[at + 1] - position_m[at]), change[at]
-
-
-def middle_level(truth: SurfaceMap) -> float:
-    """Half height between the two levels of a stepped truth: mean of the medians above and below its middle height.
-
-    In m along w of the truth's part frame.
-
-    Raises
-    ------
-    DataError : the truth has no cell with a value.
-    """
-    heights = truth.height_m[truth.mask]
-    if len(heights) == 0:
-        raise DataError("the truth has no cell with a value", cure="check the frame of the truth")
-    middle = 0.5 * (float(heights.min()) + float(heights.max()))
-    return 0.5 * (float(np.median(heights[heights <= middle])) + float(np.median(heights[heights >= middle])))
-
-
-def edge_error(
-    surface: SurfaceMap, truth: SurfaceMap, along: Literal["u", "v"] = "v", level_m: float | None = None
-) -> EdgeError:
-    """Signed error of the step's position along u or v: where the mid-height contour lies, line by line.
-
-    For every line of the map along that axis and every crossing of the level (default: `middle_level` of truth) by
-    the true profile on it, the map's nearest crossing in the same sense. Truth must lie in the map's part frame; its
-    grid should be finer than the map's along the axis (see `refined`), for its own steps bound the accuracy. Of the
-    lines across, the nearest one of truth is taken.
-
-    Raises
-    ------
-    DataError : the part frames differ, or the truth has no cell with a value.
-    """
-    if not np.allclose(truth.grid.world_from_part, surface.grid.world_from_part, rtol=0.0, atol=SAME_M):
-        raise DataError("map and truth lie in different part frames", cure="take truth on a refined grid of the map")
-    level = middle_level(truth) if level_m is None else level_m
-    if along == "v":
-        lines, true_lines = surface.grid.u_m, truth.grid.u_m
-        position, true_position = surface.grid.v_m, truth.grid.v_m
-        heights, true_heights = surface.height_m.T, truth.height_m.T
-    else:
-        lines, true_lines = surface.grid.v_m, truth.grid.v_m
-        position, true_position = surface.grid.u_m, truth.grid.u_m
-        heights, true_heights = surface.height_m, truth.height_m
-    errors: list[float] = []
-    for k, line in enumerate(lines):
-        nearest = int(np.argmin(np.abs(true_lines - line)))
-        wanted, senses = crossings(true_position, true_heights[nearest], level)
-        found, found_senses = crossings(position, heights[k], level)
-        for at, sense in zip(wanted, senses, strict=True):
-            same = found[found_senses == sense]
-            offset = same[np.argmin(np.abs(same - at))] - at if len(same) else np.nan
-            # Rising along the axis means that the high side lies ahead: too far back is too large.
-            errors.append(float(-sense * offset))
-    return EdgeError(np.array(errors, dtype=np.float64), level)

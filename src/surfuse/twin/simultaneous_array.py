@@ -18,12 +18,13 @@ class SimultaneousArray(AlwaysOpen):
 
     Parameters
     ----------
-    fixture : where the sensors sit.
+    fixture : where the sensors are known to sit.
     world : the twin.
     world_from_grip : returns the grip's true pose (4, 4).
     clock : simulated time.
     pings : emissions averaged for one reading.
     sample_rate_hz : rate of the clock that counts the times of flight.
+    seated : where the sensors truly sit; default: as known.
     """
 
     def __init__(
@@ -34,13 +35,15 @@ class SimultaneousArray(AlwaysOpen):
         clock: Clock,
         pings: int,
         sample_rate_hz: float = 1e6,
+        seated: Fixture | None = None,
     ) -> None:
+        self._seated = seated or fixture
         self._fixture, self._world, self._world_from_grip = fixture, world, world_from_grip
         self._clock, self._pings, self._sample_rate_hz = clock, pings, sample_rate_hz
 
     @property
     def fixture(self) -> Fixture:
-        """Where the sensors sit."""
+        """Where the sensors are known to sit."""
         return self._fixture
 
     def sweep(self) -> tuple[Echo, ...]:
@@ -50,7 +53,7 @@ class SimultaneousArray(AlwaysOpen):
     def fire_together(self, numbers: Sequence[int]) -> tuple[Echo, ...]:
         """One answer of each of these sensors, which send together; the others are silent."""
         specs, now_s = [self._fixture.specs[number] for number in numbers], self._clock.now_s()
-        poses = np.asarray(self._world_from_grip() @ self._fixture.grip_from_sensor[list(numbers)], dtype=np.float64)
+        poses = np.asarray(self._world_from_grip() @ self._seated.grip_from_sensor[list(numbers)], dtype=np.float64)
         ranges, amplitudes = self._world.ping_together(poses, specs, self._pings, now_s)
         self._clock.advance(max(spec.firing_time_s for spec in specs))
         return tuple(

@@ -79,6 +79,11 @@ class Twin:
         """The truth."""
         return self._scene
 
+    @property
+    def parameters(self) -> TwinParameters:
+        """The physics."""
+        return self._parameters
+
     def begin(self, stage: str, index: int) -> None:
         """Choose the random streams of a stop: they depend on seed, stage and index alone."""
         with self._gate:

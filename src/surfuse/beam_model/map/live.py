@@ -16,8 +16,8 @@ from surfuse.beam_model.echo.detector import BeamTable, DetectorModel
 from surfuse.beam_model.heard.domain import raster_over
 from surfuse.beam_model.heard.stations import Stations, gather, isolated, spacing
 from surfuse.beam_model.map.estimate import cell_size, domain_of, empty_map, tables_of
-from surfuse.beam_model.map.nodes import on_grid
 from surfuse.beam_model.map.layers import layers
+from surfuse.beam_model.map.nodes import on_grid
 from surfuse.beam_model.map.tiles import RasterLayers, Tile, blank, pasted, sparse
 from surfuse.beam_model.prior.raster import Raster, slopes
 from surfuse.beam_model.prior.smoothness import Stiffness

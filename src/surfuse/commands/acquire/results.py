@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -15,7 +14,7 @@ from surfuse.commands.acquire.clock_told import clock_data, clock_rows
 from surfuse.commands.acquire.job import Job
 from surfuse.commands.acquire.settings_check import doubts
 from surfuse.commands.fuse.map_of_result import surface_of
-from surfuse.commands.judge.evaluation import edge_m, score_data, score_rows
+from surfuse.commands.judge.evaluation import dense_data, dense_rows, mesh_dense_score, score_data, score_rows
 from surfuse.commands.maps.report import write_report
 from surfuse.commands.outcome import Outcome, finite
 from surfuse.errors import DataError
@@ -171,13 +170,9 @@ def _score(run: RunFolder, surface: SurfaceMap, truth: Truth, data: dict[str, ob
     stored = mesh.export(file_type="ply")
     run.write_bytes(run.truth, stored if isinstance(stored, bytes) else str(stored).encode())
     found = score(surface, truth_around(truth.vertices_m, truth.triangles, surface.grid))
-    edge = edge_m(surface, truth.vertices_m, truth.triangles)
-    data.update(score_data(found))
-    rows = score_rows(found)
-    if not math.isnan(edge):
-        data["edge_mm"] = 1e3 * edge
-        rows.append(("edge of the step", f"{1e3 * edge:+.1f} mm"))
-    return rows
+    dense = mesh_dense_score(surface, truth.vertices_m, truth.triangles)
+    data.update({**score_data(found), **dense_data(dense)})
+    return [*score_rows(found), *dense_rows(dense)]
 
 
 def outcome_of(finished: Finished, run: RunFolder, began: float) -> Outcome:

@@ -8,29 +8,28 @@ from pathlib import Path
 
 import numpy as np
 
-from surfuse.commands.judge.truth_files import EDGE_REFINEMENT, TruthFrame, edge_truth, nothing_in_common, read_truth
+from surfuse.commands.judge.truth_files import TruthFrame, dense_truth, nothing_in_common, read_truth
 from surfuse.commands.maps.map_files import map_path, read_map
 from surfuse.commands.outcome import Outcome
-from surfuse.records import FloatArray, IntArray, Score, SurfaceMap
-from surfuse.surface.grids import refined
-from surfuse.surface.score import edge_error, error_map, score, share_within
-from surfuse.surface.truth import truth_around
+from surfuse.records import DenseScore, FloatArray, IntArray, Score, SurfaceMap
+from surfuse.surface.dense_score import NEAR_M, dense_score, dense_truth_of_mesh
+from surfuse.surface.grids import place_in
+from surfuse.surface.score import error_map, score, share_within
 
 STEP_LEAST_M = 0.02
-NEAR_M = 0.003
 
 
 @dataclass(frozen=True)
 class MapScore:
-    """How far a map is from the truth: errors at the nodes, share of near cells, position of the step's edge.
+    """How far a map is from the truth: errors at its nodes, and between them, with the position of the steps' edges.
 
-    `within_3mm` is the share (0 to 1) of the true part's cells whose height is right to 3 mm; `edge_m` the mean signed
-    error of a step's position along v (positive: the higher side reaches too far), nan where truth has no step.
+    `within_3mm` is the share (0 to 1) of the true part's cells whose height is right to 3 mm; `dense` the score
+    against truth that is sampled every millimetre.
     """
 
     nodes: Score
     within_3mm: float
-    edge_m: float
+    dense: DenseScore
 
     @property
     def rmse_mm(self) -> float:
@@ -63,17 +62,39 @@ class MapScore:
         return self.nodes.cells
 
     @property
+    def dense_rmse_mm(self) -> float:
+        """Root mean square error with the truth sampled every millimetre and the map interpolated, mm."""
+        return 1e3 * self.dense.rmse_m
+
+    @property
+    def off_edge_rmse_mm(self) -> float:
+        """The same without the places where the truth steps by more than 8 mm within 6 mm, mm."""
+        return 1e3 * self.dense.off_edge_rmse_m
+
+    @property
+    def within_3_mm(self) -> float:
+        """Share (0 to 1) of the true part, sampled every millimetre, whose height is right to 3 mm."""
+        return self.dense.within
+
+    @property
     def edge_mm(self) -> float:
-        """Error of the step's position, mm."""
-        return 1e3 * self.edge_m
+        """Error of the position of the steps' edges, mm; positive: the higher side reaches too far; nan: no step."""
+        return 1e3 * self.dense.edge_m
+
+    @property
+    def edge_m(self) -> float:
+        """The same in m."""
+        return self.dense.edge_m
 
 
 def map_score(surface: SurfaceMap, truth: SurfaceMap, fine_truth: SurfaceMap) -> MapScore:
-    """Score of a map against truth near its grid, and against finer truth for the edge (see `edge_truth`).
+    """Score of a map against truth near its grid, and against the same truth on the dense raster (see `dense_truth`).
 
-    With no cell in common all errors are nan and `cells` is 0.
+    With no cell in common all errors are nan and `cells` is 0. A map on a finer raster than the truth is compared with
+    the dense one at its nodes.
     """
-    return MapScore(score(surface, truth), share_within(surface, truth, NEAR_M), edge_of(surface, fine_truth))
+    near = truth if place_in(truth.grid, surface.grid) is not None else fine_truth
+    return MapScore(score(surface, near), share_within(surface, near, NEAR_M), dense_score(surface, fine_truth))
 
 
 def have_common_cells(surface: SurfaceMap, truth: SurfaceMap) -> bool:
@@ -93,7 +114,7 @@ def file_score(
     truth = read_truth(truth_path, surface.grid, scale, frame)
     if not have_common_cells(surface, truth):
         raise nothing_in_common(truth_path, frame)
-    return map_score(surface, truth, edge_truth(truth_path, surface.grid, scale, frame))
+    return map_score(surface, truth, dense_truth(truth_path, surface.grid, scale, frame))
 
 
 def evaluate(surface_path: Path, truth_path: Path, scale: float, frame: TruthFrame = TruthFrame.AUTO) -> Outcome:
@@ -107,11 +128,8 @@ def evaluate(surface_path: Path, truth_path: Path, scale: float, frame: TruthFra
     found = file_score(surface, truth_path, scale, frame)
     summary: dict[str, object] = {"map": str(map_path(surface_path)), "truth": str(truth_path)}
     summary |= {**score_data(found.nodes), "method": surface.method, "within_3mm": found.within_3mm}
-    rows = [*score_rows(found.nodes), ("within 3 mm", f"{100.0 * found.within_3mm:.1f} % of the true part")]
-    if not math.isnan(found.edge_m):
-        summary["edge_mm"] = found.edge_mm
-        rows.append(("edge of the step", f"{found.edge_mm:+.1f} mm"))
-    return Outcome(summary, rows)
+    summary |= dense_data(found.dense)
+    return Outcome(summary, [*score_rows(found.nodes), *dense_rows(found.dense)])
 
 
 def score_data(found: Score) -> dict[str, object]:
@@ -138,15 +156,29 @@ def score_rows(found: Score) -> list[tuple[str, str]]:
     ]
 
 
-def edge_m(surface: SurfaceMap, vertices_m: FloatArray, triangles: IntArray) -> float:
-    """Mean signed error of a step's position along v, against a truth mesh; nan where truth has no step."""
-    return edge_of(surface, truth_around(vertices_m, triangles, refined(surface.grid, EDGE_REFINEMENT)))
+def dense_data(found: DenseScore) -> dict[str, object]:
+    """A dense score as plain data, in millimetres; `edge_mm` only where truth has a step that the map has too."""
+    data: dict[str, object] = {
+        "dense_rmse_mm": 1e3 * found.rmse_m,
+        "off_edge_rmse_mm": 1e3 * found.off_edge_rmse_m,
+        "within_3_mm": found.within,
+    }
+    return data if math.isnan(found.edge_m) else {**data, "edge_mm": 1e3 * found.edge_m}
 
 
-def edge_of(surface: SurfaceMap, truth: SurfaceMap) -> float:
-    """The same against a truth map in the part frame of the surface; nan in any other frame."""
-    same = np.allclose(truth.grid.world_from_part, surface.grid.world_from_part, rtol=0.0, atol=1e-9)
-    return edge_error(surface, truth, "v").bias_m if same and has_step(truth) else float("nan")
+def dense_rows(found: DenseScore) -> list[tuple[str, str]]:
+    """A dense score as lines of a table."""
+    rows = [
+        ("dense RMSE", f"{1e3 * found.rmse_m:.2f} mm, truth sampled every millimetre"),
+        ("off the edges", f"{1e3 * found.off_edge_rmse_m:.2f} mm, without the places within a step"),
+        ("within 3 mm", f"{100.0 * found.within:.1f} % of the true part"),
+    ]
+    return rows if math.isnan(found.edge_m) else [*rows, ("edge of the step", f"{1e3 * found.edge_m:+.1f} mm")]
+
+
+def mesh_dense_score(surface: SurfaceMap, vertices_m: FloatArray, triangles: IntArray) -> DenseScore:
+    """Dense score against a truth mesh: `vertices_m` (V, 3) in the world, `triangles` (F, 3)."""
+    return dense_score(surface, dense_truth_of_mesh(vertices_m, triangles, surface.grid))
 
 
 def has_step(truth: SurfaceMap) -> bool:

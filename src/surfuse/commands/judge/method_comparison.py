@@ -16,22 +16,21 @@ from surfuse import __version__, durable, registry
 from surfuse.commands.acquire.warm_up import small_scan
 from surfuse.commands.fuse.map_of_log import fused, grid_of, opened
 from surfuse.commands.fuse.methods import create_method, fusion_settings, usable_methods
-from surfuse.commands.judge.evaluation import NEAR_M, edge_of, has_step, score_data
-from surfuse.commands.judge.truth_files import TruthFrame, edge_truth, nothing_in_common, read_truth
+from surfuse.commands.judge.evaluation import MapScore, dense_data, has_step, map_score, score_data
+from surfuse.commands.judge.truth_files import TruthFrame, dense_truth, nothing_in_common, read_truth
 from surfuse.commands.outcome import Outcome, Watcher
 from surfuse.errors import SurfuseError
 from surfuse.exporters import nc
-from surfuse.records import MapGrid, Score, SurfaceMap
+from surfuse.records import MapGrid, SurfaceMap
 from surfuse.report.comparison import render_comparison
 from surfuse.report.content import ComparisonContent, NamedMap, ReportEvent, SceneComparison, ScoreRow
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.scan_log import ScanLog
 from surfuse.runs.scan_source import LogSource
 from surfuse.settings import FusionSettings
-from surfuse.surface.score import score, share_within
 
 PAGE = "comparison.html"
-_WITH_TRUTH = "RMSE mm  p95 mm  bias mm  coverage  in 3 mm  edge mm  seconds"
+_WITH_TRUTH = "RMSE mm  dense mm  off edge mm  p95 mm  bias mm  coverage  in 3 mm  edge mm  seconds"
 _WITHOUT = "cells  median sigma mm  seconds"
 
 
@@ -46,10 +45,10 @@ class TruthFile:
 
 @dataclass(frozen=True)
 class Against:
-    """Truth on the grid of the maps, and the finer one that places edges."""
+    """Truth on the grid of the maps, and sampled every millimetre."""
 
     surface: SurfaceMap
-    edges: SurfaceMap
+    dense: SurfaceMap
 
 
 @dataclass(frozen=True)
@@ -60,9 +59,7 @@ class MethodResult:
     seconds: float
     surface: SurfaceMap | None = None
     error: str = ""
-    found: Score | None = None
-    edge_m: float = math.nan
-    within: float = math.nan
+    found: MapScore | None = None
 
 
 def compare(
@@ -77,7 +74,7 @@ def compare(
     grid = grid_of(scan)
     against = None
     if truth is not None:
-        against = Against(*(read(truth.path, grid, truth.scale, truth.frame) for read in (read_truth, edge_truth)))
+        against = Against(*(read(truth.path, grid, truth.scale, truth.frame) for read in (read_truth, dense_truth)))
     folder = _empty_folder(out) if out is not None else None
     names = usable_methods(watcher.warn)
     watcher.stage("compare", len(names))
@@ -127,9 +124,7 @@ def result_of(
         name,
         seconds,
         surface,
-        found=score(surface, against.surface),
-        edge_m=edge_of(surface, against.edges),
-        within=share_within(surface, against.surface, NEAR_M),
+        found=map_score(surface, against.surface, against.dense),
     )
 
 
@@ -151,8 +146,8 @@ def _entry(one: MethodResult) -> dict[str, object]:
     entry: dict[str, object] = {"cells": cells, "median_sigma_mm": _median_sigma_mm(one.surface)}
     entry["seconds"] = one.seconds
     if one.found is not None:
-        entry |= score_data(one.found)
-        entry |= {"edge_mm": 1e3 * one.edge_m, "within_3mm": one.within}
+        entry |= {**score_data(one.found.nodes), "edge_mm": one.found.edge_mm, "within_3mm": one.found.within_3mm}
+        entry |= dense_data(one.found.dense)
     return entry
 
 
@@ -163,15 +158,17 @@ def line_of(one: MethodResult) -> str:
     if one.found is None:
         cells, sigma = int(one.surface.mask.sum()), _median_sigma_mm(one.surface)
         return f"{cells:>5}  {sigma:>15.2f}  {one.seconds:>7.2f}"
+    found = one.found
     return (
-        f"{1e3 * one.found.rmse_m:>7.2f} {1e3 * one.found.p95_m:>7.2f} {1e3 * one.found.bias_m:>8.2f} "
-        f"{100 * one.found.coverage:>8.1f}% {100 * one.within:>7.1f}% {1e3 * one.edge_m:>8.1f} {one.seconds:>8.2f}"
+        f"{found.rmse_mm:>7.2f} {found.dense_rmse_mm:>9.2f} {found.off_edge_rmse_mm:>12.2f} {found.p95_mm:>7.2f} "
+        f"{found.bias_mm:>8.2f} {100 * found.coverage:>8.1f}% {100 * found.within_3_mm:>7.1f}% {found.edge_mm:>8.1f} "
+        f"{one.seconds:>8.2f}"
     )
 
 
 def _content(log: Path, results: list[MethodResult], against: Against | None) -> ComparisonContent:
     """The page: all maps in the same colours, a cut through all of them, the table of errors."""
-    scores = tuple(ScoreRow(one.name, one.found, one.edge_m) for one in results if one.found is not None)
+    scores = tuple(ScoreRow(one.name, one.found.nodes, one.found.dense) for one in results if one.found is not None)
     stepped = against is not None and has_step(against.surface)
     scene = SceneComparison(
         name=log.resolve().stem,

@@ -11,10 +11,8 @@ from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.poses import transform_points
 from surfuse.map_files.placement import placement_of
 from surfuse.records import FloatArray, IntArray, MapGrid, SurfaceMap
-from surfuse.surface.grids import refined
+from surfuse.surface.dense_score import dense_truth_of_map, dense_truth_of_mesh
 from surfuse.surface.truth import read_truth_mesh, truth_around
-
-EDGE_REFINEMENT = 10
 
 
 class TruthFrame(StrEnum):
@@ -29,12 +27,10 @@ class TruthFrame(StrEnum):
     PART = "part"
 
 
-def read_truth(
-    path: Path, grid: MapGrid, scale: float = 1.0, frame: TruthFrame = TruthFrame.AUTO, refinement: int = 1
-) -> SurfaceMap:
+def read_truth(path: Path, grid: MapGrid, scale: float = 1.0, frame: TruthFrame = TruthFrame.AUTO) -> SurfaceMap:
     """Truth from a file: a mesh, or a map in any format that can be read, or a run folder.
 
-    A mesh is seen on the grid, refined so many times and continued over the whole part. A map stays on its own grid.
+    A mesh is seen on the grid, continued over the whole part. A map stays on its own grid.
 
     Raises
     ------
@@ -43,7 +39,7 @@ def read_truth(
     """
     if is_mesh(path):
         vertices, triangles = truth_mesh(path, scale, frame, grid.world_from_part)
-        return truth_around(vertices, triangles, refined(grid, refinement) if refinement > 1 else grid)
+        return truth_around(vertices, triangles, grid)
     surface = read_map(path)
     if scale != 1.0:
         raise ConfigError(
@@ -56,9 +52,17 @@ def read_truth(
     return replace(surface, grid=replace(surface.grid, world_from_part=grid.world_from_part))
 
 
-def edge_truth(path: Path, grid: MapGrid, scale: float = 1.0, frame: TruthFrame = TruthFrame.AUTO) -> SurfaceMap:
-    """Truth for the position of an edge: a mesh on a grid so much finer that its own steps do not count."""
-    return read_truth(path, grid, scale, frame, EDGE_REFINEMENT)
+def dense_truth(path: Path, grid: MapGrid, scale: float = 1.0, frame: TruthFrame = TruthFrame.AUTO) -> SurfaceMap:
+    """The same truth, sampled every millimetre in the part frame of the map.
+
+    Raises
+    ------
+    DataError : it cannot be read, or is no truth.
+    ConfigError : a scale for a map, which is in metres.
+    """
+    if is_mesh(path):
+        return dense_truth_of_mesh(*truth_mesh(path, scale, frame, grid.world_from_part), grid)
+    return dense_truth_of_map(read_truth(path, grid, scale, frame), grid)
 
 
 def is_mesh(path: Path) -> bool:

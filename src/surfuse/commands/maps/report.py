@@ -13,7 +13,7 @@ from surfuse import __version__, durable
 from surfuse.commands.acquire.search_view import found_parts
 from surfuse.commands.fuse.map_of_result import surface_of
 from surfuse.commands.fuse.methods import create_method
-from surfuse.commands.judge.evaluation import edge_m
+from surfuse.commands.judge.evaluation import mesh_dense_score
 from surfuse.commands.maps.map_files import NATIVE, map_path, read_map
 from surfuse.commands.outcome import Outcome
 from surfuse.errors import DataError, SurfuseError
@@ -192,6 +192,7 @@ def _figures(data: dict[str, object], surface: SurfaceMap) -> tuple[KeyFigure, .
     """The headline: what the summary holds, in words."""
     rows = [
         ("rmse_mm", "RMSE", "{:.2f} mm", "root mean square error against the true part"),
+        ("dense_rmse_mm", "dense RMSE", "{:.2f} mm", "the same with the true part sampled every millimetre"),
         ("p95_mm", "95th percentile", "{:.2f} mm", "95 % of the cells are nearer to the truth than this"),
         ("edge_mm", "edge of the step", "{:+.1f} mm", "how far the higher side reaches out too far"),
         ("coverage", "coverage", "{:.1%}", "share of the true part's cells that have a value"),
@@ -248,7 +249,7 @@ def _scores(run: RunFolder, maps: list[SurfaceMap]) -> tuple[ScoreRow, ...]:
     def found(candidate: SurfaceMap) -> Score:
         return score(candidate, truth_around(vertices, triangles, candidate.grid))
 
-    return tuple(ScoreRow(one.method, found(one), edge_m(one, vertices, triangles)) for one in maps)
+    return tuple(ScoreRow(one.method, found(one), mesh_dense_score(one, vertices, triangles)) for one in maps)
 
 
 def _skeleton(log: RunLog | None, readings: Readings | None, settings: Settings | None) -> FloatArray:

@@ -12,15 +12,15 @@ from surfuse import __version__, durable
 from surfuse.commands.outcome import Outcome
 from surfuse.commands.rangers import acceptance_checks as checks
 from surfuse.commands.rangers.acceptance_checks import AcceptanceLimits, Check
-from surfuse.commands.rangers.acceptance_trials import Trials, log_trials, twin_trials
+from surfuse.commands.rangers.acceptance_trials import STEEPEST_DEG, Trials, log_trials, twin_trials
 from surfuse.commands.rangers.sensor_sheet import spec_of
 from surfuse.errors import UsageError
 from surfuse.records import ULTRASONIC, SensorSpec, Status
 from surfuse.report.line_charts import Chart, Series, page
-from surfuse.rig.simulated.acceptance_bench import planted
+from surfuse.rig.simulated.acceptance_bench import USUAL_MATERIAL, planted
 from surfuse.rig.simulated.transducer_beam import two_way_beam_rad
 from surfuse.runs.range_correction import RangeCorrection, correction_lines
-from surfuse.runs.side_files import sensors_toml
+from surfuse.runs.side_files import exact_degrees, sensors_toml
 
 _LEAST_DISTANCES = 3
 
@@ -30,7 +30,8 @@ class TrialSource:
     """Where the trials of a ranger come from: a log of a facing plate, else the twin.
 
     A log holds the plate at the `distances_m`, in their order, and `warm_up` is another log, of a plate that stands
-    still from switching on. The twin can have a fault `plant`ed, and has a `seed`.
+    still from switching on. The twin can have a fault `plant`ed, has a `seed`, and a plate of some `material` that is
+    tilted.
     """
 
     log: Path | None = None
@@ -38,6 +39,7 @@ class TrialSource:
     warm_up: Path | None = None
     plant: str | None = None
     seed: int | None = None
+    material: str | None = None
 
     def trials(self, spec: SensorSpec) -> Trials:
         """The trials of the sensor.
@@ -51,11 +53,14 @@ class TrialSource:
                 raise UsageError("--plant with --log", cure="faults can be planted in the twin only")
             if self.seed is not None:
                 raise UsageError("--seed with --log", cure="only the twin has a seed")
+            if self.material is not None:
+                raise UsageError("--material with --log", cure="the log's plate is what it is")
             return log_trials(spec, self.log, self.distances_m, self.warm_up)
         for option, given in (("--distances", self.distances_m), ("--warm-up", self.warm_up)):
             if given:
                 raise UsageError(f"{option} without --log", cure="give the log of a facing plate that it belongs to")
-        return twin_trials(planted(spec, self.plant), 1 if self.seed is None else self.seed)
+        ranger = planted(spec, self.plant)
+        return twin_trials(ranger, 1 if self.seed is None else self.seed, self.material or USUAL_MATERIAL)
 
 
 THE_TWIN = TrialSource()
@@ -92,10 +97,14 @@ def accept(
         "faults": faults,
         "checks": [asdict(check) for check in results],
         "bias_mm": 1e3 * bias_m(spec, trials),
+        "usable_incidence_deg": None if trials.usable_rad is None else float(np.degrees(trials.usable_rad)),
+        "material": trials.material or None,
         "crosstalk": None if trials.crosstalk is None else trials.crosstalk.tolist(),
     }
     result = "accepted" if not faults else f"refused: {', '.join(faults)}"
     rows = [(check.name, check.text()) for check in results]
+    if trials.usable_rad is not None:
+        rows.append(("usable up to", usable_text(spec, trials.usable_rad, trials.material)))
     rows.append(("result", result))
     if model is not None:
         durable.write_text(model, model_text(spec, trials), overwrite=force)
@@ -123,6 +132,14 @@ def judge(spec: SensorSpec, trials: Trials, limits: AcceptanceLimits | None = No
     )
 
 
+def usable_text(spec: SensorSpec, usable_rad: float, material: str) -> str:
+    """The largest usable incidence that was found, beside what the spec says."""
+    found = float(np.degrees(usable_rad))
+    least = "at least " if found >= STEEPEST_DEG else ""
+    says = exact_degrees(spec.incidence_limit_rad)
+    return f"{least}{found:.1f} degrees on a plate of '{material}'; the spec says {says}"
+
+
 def metres(text: str | None) -> tuple[float, ...]:
     """Distances from `0.4,0.6`.
 
@@ -147,7 +164,7 @@ def bias_m(spec: SensorSpec, trials: Trials) -> float:
 
 
 def measured_model(spec: SensorSpec, trials: Trials) -> SensorSpec:
-    """The spec with what was measured: sigma, beam, aperture, and an incidence that the spec does not exceed."""
+    """The spec with what was measured: sigma, beam, aperture, and the usable incidence that was found."""
     found = checks.residuals(trials.facing, spec)
     if not np.isfinite(found.sigma_m):
         return spec
@@ -159,7 +176,7 @@ def measured_model(spec: SensorSpec, trials: Trials) -> SensorSpec:
         sigma_m=max(found.sigma_m, 1e-6),
         beam_full_angle_rad=float(min(spec.beam_full_angle_rad * wider, np.pi)),
         aperture_m=None if spec.aperture_m is None else spec.aperture_m / wider,
-        incidence_limit_rad=min(usable, spec.incidence_limit_rad),
+        incidence_limit_rad=usable,
     )
 
 

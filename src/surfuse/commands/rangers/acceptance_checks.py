@@ -161,11 +161,12 @@ def beam_check(measured_rad: float | None, expected_rad: float | None, limits: A
 
 
 def incidence_check(usable_rad: float | None, spec: SensorSpec, limits: AcceptanceLimits) -> Check:
-    """By how much the usable incidence of a matte plate falls short of the spec's."""
-    name, fault, limit = "usable incidence", "incidence", float(np.degrees(limits.incidence_rad))
+    """By how much the usable incidence of the tilted plate falls short of the spec's."""
+    name, fault, limit = "usable incidence", "incidence", round(float(np.degrees(limits.incidence_rad)), 6)
     if usable_rad is None:
         return not_tested(name, fault, limit, "degrees short", "needs a plate at known tilts")
-    short = float(np.degrees(max(spec.incidence_limit_rad - usable_rad, 0.0)))
+    # To a millionth of a degree: angles that were typed in degrees shall not fail by their rounding.
+    short = round(float(np.degrees(max(spec.incidence_limit_rad - usable_rad, 0.0))), 6)
     return _check(name, fault, short, limit, "degrees short")
 
 

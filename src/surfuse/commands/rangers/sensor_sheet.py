@@ -147,7 +147,7 @@ def twin_sheet(spec: SensorSpec, seed: int = 1) -> SensorSheet:
     low = max(spec.range_min_m, nearest_m or 0.0, spec.dead_length_m) + 0.01
     high = min(spec.range_max_m, max(_FARTHEST_M, 2.0 * low))
     standoff_m = float(np.clip(max(STANDOFF_M, low), low, 0.98 * spec.range_max_m))
-    matte, smooth = Bench(spec, seed=seed), Bench(spec, smooth=True, seed=seed)
+    matte, smooth = Bench(spec, seed=seed), Bench(spec, material="metal", seed=seed)
     tilts = np.arange(0.0, 46.0, 1.5)
     rough_curve = _over_incidence(matte, standoff_m, tilts)
     smooth_curve = _over_incidence(smooth, standoff_m, tilts)

@@ -18,6 +18,9 @@ from surfuse.twin.world import Twin, TwinParameters, transducer_of
 
 FAULTS = ("bias", "noise", "drift", "dropout", "wrong beam", "cycle slips", "cross-talk")
 WARM_UP_S = 3600.0
+USUAL_MATERIAL = "painted"
+"""Material of the plate on which the usable incidence is found: that of the built-in parts."""
+
 _STEP_M = 0.09
 _SIDE_M = 0.05
 _CHANGED_M = 0.005
@@ -31,9 +34,9 @@ class SimulatedRanger:
     physics: TwinParameters
     together: bool = False
 
-    def bench(self, *, smooth: bool = False, seed: int = 1) -> Bench:
-        """A bench with this ranger before a matte, or `smooth`, plate."""
-        return Bench(self.spec, self.physics, smooth, seed)
+    def bench(self, material: str = "matte", seed: int = 1) -> Bench:
+        """A bench with this ranger before a plate of a material."""
+        return Bench(self.spec, self.physics, material, seed)
 
     def crosstalk_shares(self, near_m: float, seed: int) -> FloatArray:
         """Share (S, S) of a receiver's (column) readings over a step that a sender (row) changes by over 5 mm."""

@@ -28,11 +28,12 @@ from surfuse.rig.devices import JointMotion, Lookout, Rig, SmoothMotion, Truth
 from surfuse.rig.mounts import world_from_shoulder
 from surfuse.rig.node_array import ArrayElsewhere, ArrayInProcess, elsewhere, in_process
 from surfuse.rig.simulated.arm import ArmInCell, arm_in_cell
+from surfuse.rig.simulated.hidden_errors import true_air, true_camera, true_fixture, true_place
 from surfuse.sensors import simulated as simulated_sensor
 from surfuse.settings import NO_BUS, Settings
 from surfuse.twin.acoustics.air import AirParameters
 from surfuse.twin.acoustics.kit import TUBE, KitParameters
-from surfuse.twin.materials import with_roughness
+from surfuse.twin.materials import Material, Surface, with_material, with_roughness
 from surfuse.twin.optics import OpticsParameters
 from surfuse.twin.parts import Part, PartPose, make_part
 from surfuse.twin.scene import Scene, TableParameters, table_bodies
@@ -75,7 +76,11 @@ def simulated_rig(settings: Settings) -> Rig:
     fixture = array_fixture(settings)
     mover = arm_in_cell(settings, fixture, world, clock)
     arm = mover.arm
-    sensors = array_sensors(settings, fixture, world, arm.true_tool_pose, clock)
+
+    def grip() -> FloatArray:
+        return true_place(settings, arm.true_tool_pose())
+
+    sensors = array_sensors(settings, fixture, world, grip, clock)
     stop = _Stop()
 
     def begin(stage: str, index: int) -> None:
@@ -84,9 +89,9 @@ def simulated_rig(settings: Settings) -> Rig:
         arm.begin_stop()
 
     def place() -> Place:
-        return Place(stop.stage, stop.index, clock.now_s(), arm.true_tool_pose())
+        return Place(stop.stage, stop.index, clock.now_s(), grip())
 
-    together = fired_together(settings, fixture, world, arm.true_tool_pose, clock)
+    together = fired_together(settings, fixture, world, grip, clock)
     array = _array(settings, fixture, sensors, together, clock, place)
     return Rig(
         clock=clock,
@@ -121,13 +126,13 @@ def _lookout(settings: Settings, mover: ArmInCell, world: Twin, clock: Clock) ->
 
     def on_shoulder(place: FloatArray) -> FloatArray:
         placed: FloatArray = world_from_shoulder(float(mover.arm.true_joints_rad[0])) @ place
-        return placed
+        return true_place(settings, placed)
 
     # Beyond half a turn each way the camera would see the same again.
     lower, upper = float(mover.model.kinematics.lower_rad[0]), float(mover.model.kinematics.upper_rad[0])
     return Lookout(
         arm=mover.arm,
-        camera=_camera(settings, world, clock, partial(on_shoulder, camera_place)),
+        camera=_camera(settings, world, clock, partial(on_shoulder, true_camera(settings, camera_place))),
         turn_rad=turn_of(settings, lower, upper),
         ranger=_ranger(settings, world, clock, partial(on_shoulder, ranger_place)),
         ready_rad=mover.model.ready_rad,
@@ -164,10 +169,11 @@ def array_sensors(
 ) -> tuple[RangeSensor, ...]:
     """The simulated sensors of the array, wherever the grip truly is when they fire."""
     between_s = PING_PERIOD_S if settings.scan.mode == "smooth" else 0.0
+    seated = true_fixture(settings, fixture)
     rate_hz = settings.kit.sample_rate_hz
 
     def placed(index: int) -> FloatArray:
-        found: FloatArray = world_from_grip() @ fixture.grip_from_sensor[index]
+        found: FloatArray = world_from_grip() @ seated.grip_from_sensor[index]
         return found
 
     return tuple(
@@ -187,7 +193,10 @@ def fired_together(
     settings: Settings, fixture: Fixture, world: Twin, world_from_grip: Callable[[], FloatArray], clock: Clock
 ) -> SimultaneousArray:
     """The simulated sensors of the array as they send at the same moment."""
-    return SimultaneousArray(fixture, world, world_from_grip, clock, settings.pings, settings.kit.sample_rate_hz)
+    seated = true_fixture(settings, fixture)
+    return SimultaneousArray(
+        fixture, world, world_from_grip, clock, settings.pings, settings.kit.sample_rate_hz, seated
+    )
 
 
 @dataclass
@@ -228,9 +237,16 @@ def _part_pose(settings: Settings) -> PartPose:
     )
 
 
+def _surfaces(settings: Settings) -> dict[Material, Surface]:
+    """What the part and the cell do to sound; a roughness counts before a material, as in files that have no other."""
+    scene = settings.scene
+    return with_material(scene.material) if scene.roughness is None else with_roughness(scene.roughness)
+
+
 def _physics(settings: Settings) -> TwinParameters:
     """The kit, the air, the light and the joints as configured."""
     kit, air = settings.kit, settings.air
+    temperature_c, speed_factor = true_air(settings)
     specs = (*array_fixture(settings).specs, shoulder_spec(settings))
     return TwinParameters(
         transducers={spec.name: replace(transducer_of(spec), resonance_hz=TUBE.resonance_hz) for spec in specs},
@@ -242,9 +258,14 @@ def _physics(settings: Settings) -> TwinParameters:
             sample_rate_hz=kit.sample_rate_hz,
             trigger=kit.trigger,
         ),
-        air=AirParameters(air.temperature_c, air.humidity_percent, assumed_temperature_c=air.assumed_temperature_c),
+        air=AirParameters(
+            temperature_c,
+            air.humidity_percent,
+            assumed_temperature_c=air.assumed_temperature_c,
+            speed_factor=speed_factor,
+        ),
         optics=OpticsParameters(noise_levels=settings.camera.noise_levels),
-        surfaces=with_roughness(settings.scene.roughness),
+        surfaces=_surfaces(settings),
         # Six joints, each at about half the reach on average, share the error at the tool.
         repeatability_rad=1e-3 * settings.arm.repeatability_mm / (0.5 * ARM_REACH_M * np.sqrt(6.0)),
     )

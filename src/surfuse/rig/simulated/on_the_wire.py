@@ -25,6 +25,7 @@ from surfuse.records import BoolArray, Echo, FloatArray, JointState
 from surfuse.rig.description import camera_model, tool_from_array
 from surfuse.rig.devices import JointMotion, Lookout, Rig
 from surfuse.rig.simulated.assembly import simulated_rig
+from surfuse.rig.simulated.hidden_errors import true_place
 from surfuse.rig.simulated.twin_arm import TwinArm
 from surfuse.settings import Settings
 
@@ -104,7 +105,7 @@ class TwinOnTheWire:
         arm = self._motion.arm
         assert isinstance(arm, TwinArm)
         with self._using:
-            return arm.true_tool_pose()
+            return true_place(self._settings, arm.true_tool_pose())
 
     def sweep(self, sensors: tuple[str, ...]) -> SweepAnswer:
         """All sensors of the array fire, as in a scan, and that of the shoulder; those that were asked are answered."""

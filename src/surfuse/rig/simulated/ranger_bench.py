@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from surfuse.geometry.poses import pose, rotation_about
 from surfuse.records import ULTRASONIC, BoolArray, Echo, FloatArray, SensorSpec, Status
 from surfuse.rig.simulated.assembly import SimulatedClock
 from surfuse.sensors import simulated
-from surfuse.twin.materials import Material
+from surfuse.twin.materials import Material, with_material
 from surfuse.twin.scene import Scene, SceneBody
 from surfuse.twin.world import Twin, TwinParameters
 
@@ -77,20 +77,20 @@ def known_readings_of(
 class Bench:
     """A ranger with these physics before a plate; every call draws its own random numbers from the seed.
 
-    `smooth` chooses a plate like glass instead of a matte one.
+    `material` is that of the plate, by name (see `surfuse.twin.materials.PARTS`).
     """
 
     spec: SensorSpec
     physics: TwinParameters = field(default_factory=TwinParameters)
-    smooth: bool = False
+    material: str = "matte"
     seed: int = 1
 
     def __post_init__(self) -> None:
         half = _HALF_SIDE_M
         corners = np.array([[0.0, -half, -half], [0.0, half, -half], [0.0, half, half], [0.0, -half, half]])
-        material = Material.PART_SMOOTH if self.smooth else Material.PART
-        plate = SceneBody(corners, np.array([[0, 2, 1], [0, 3, 2]]), material, np.eye(4))
-        self._twin = Twin(Scene([plate]), self.physics, self.seed)
+        plate = SceneBody(corners, np.array([[0, 2, 1], [0, 3, 2]]), Material.PART, np.eye(4))
+        physics = replace(self.physics, surfaces=with_material(self.material))
+        self._twin = Twin(Scene([plate]), physics, self.seed)
         self._spots = np.random.default_rng(self.seed)
         self._calls = 0
         self.clock = SimulatedClock()

@@ -12,6 +12,7 @@ from surfuse.node.messages import KitMessage
 from surfuse.records import Echo, Fixture, FloatArray, SensorSpec
 from surfuse.rig.description import array_fixture, array_spec, square_fixture
 from surfuse.rig.simulated.assembly import SimulatedClock, array_sensors, build_world, fired_together
+from surfuse.rig.simulated.hidden_errors import true_fixture
 from surfuse.rig.simulated.kit_by_message import kit_from_message
 from surfuse.sensors import simulated
 from surfuse.settings import from_tree
@@ -31,6 +32,7 @@ class TetheredSensors:
         self._fired: list[RangeSensor] = []
         self._together: SimultaneousArray | None = None
         self._fixture = square_fixture(from_tree({}))
+        self._seated = self._fixture
         self._world_from_grip: FloatArray | None = None
 
     def tether(self, port: int) -> NodeEnd:
@@ -43,6 +45,7 @@ class TetheredSensors:
         self._world, _ = build_world(settings)
         self._world_from_grip = None
         self._fixture = array_fixture(settings)
+        self._seated = true_fixture(settings, self._fixture)
         self._together = fired_together(settings, self._fixture, self._world, self._grip, self.clock)
         self._fired = list(array_sensors(settings, self._fixture, self._world, self._grip, self.clock))
 
@@ -65,11 +68,11 @@ class TetheredSensors:
             simulated.Parameters(told.pings, sample_rate_hz=rate_hz, surroundings=around)
         )
         self._together = SimultaneousArray(
-            self._fixture, self._world, self._grip, self.clock, told.pings, sample_rate_hz=rate_hz
+            self._fixture, self._world, self._grip, self.clock, told.pings, rate_hz, self._seated
         )
 
     def _placed(self, number: int) -> FloatArray:
-        placed: FloatArray = self._grip() @ self._fixture.grip_from_sensor[number]
+        placed: FloatArray = self._grip() @ self._seated.grip_from_sensor[number]
         return placed
 
     def move(self, place: Place) -> None:

@@ -24,12 +24,14 @@ class AirParameters:
     humidity_percent : relative humidity.
     pressure_kpa : ambient pressure.
     assumed_temperature_c : temperature from which the kit takes its speed of sound.
+    speed_factor : how much faster sound truly is than its temperature says.
     """
 
     temperature_c: float = 20.0
     humidity_percent: float = 50.0
     pressure_kpa: float = 101.325
     assumed_temperature_c: float = 20.0
+    speed_factor: float = 1.0
 
     def __post_init__(self) -> None:
         limits = {
@@ -37,6 +39,7 @@ class AirParameters:
             "assumed_temperature_c": (-20.0, 50.0),
             "humidity_percent": (0.0, 100.0),
             "pressure_kpa": (50.0, 120.0),
+            "speed_factor": (0.9, 1.1),
         }
         for name, (low, high) in limits.items():
             value = getattr(self, name)

@@ -72,13 +72,15 @@ class Sound(NamedTuple):
     """What materials (M,) and air do to sound, and which of all rough surfaces of that kind this one is.
 
     `mirror_of`, `roughness_of`, `diffuse_of` (M,) are the share of energy that is reflected, (2 k roughness)^2, and the
-    share that is scattered. `wave_number` k in 1/m, `absorption` in 1/m of amplitude, `cell_m` the side of the patches
-    that scatter with one phase, `seed` chooses the phases.
+    share that is scattered; `facets_of` (M,) is 1 / slope^2 of the facets that scatter, 0: after Lambert's law.
+    `wave_number` k in 1/m, `absorption` in 1/m of amplitude, `cell_m` the side of the patches that scatter with one
+    phase, `seed` chooses the phases.
     """
 
     mirror_of: FloatArray
     roughness_of: FloatArray
     diffuse_of: FloatArray
+    facets_of: FloatArray
     wave_number: float
     absorption: float
     cell_m: float
@@ -327,18 +329,22 @@ def add_mirrors(aim: Aim, rays: Rays, bundle: Bundle, triangles: Triangles, soun
 def add_diffuse(mouth: FloatArray, rays: Rays, bundle: Bundle, triangles: Triangles, sound: Sound, bins: Bins) -> None:
     """Diffuse echoes of the bundle's rays: Lambert's law, one random phase per surface cell.
 
+    Where the fine roughness is gentle the energy keeps to the slopes of its facets: exp(-tan(i)^2 / slope^2).
+
     `mouth` (3,) in m is where the beam starts, in the world; the amplitudes are added to `bins`.
     """
     ray, hit, distance, cosine = rays.ray, rays.hit, rays.distance, rays.cosine
     weight, gain, grid, body_of = bundle.weight, bundle.gain, triangles.grid_from_world, triangles.body
-    material, diffuse_of, cell_m = triangles.material, sound.diffuse_of, sound.cell_m
-    real, imag, extent, bin_m = bins.real, bins.imag, bins.extent, bins.bin_m
+    material, diffuse_of, facets_of = triangles.material, sound.diffuse_of, sound.facets_of
+    real, imag, extent, bin_m, cell_m = bins.real, bins.imag, bins.extent, bins.bin_m, sound.cell_m
     place = np.zeros(3)
     for j in range(len(weight)):
         t, r, c = hit[j], distance[j], cosine[j]
         if t < 0 or not np.isfinite(r) or r < 1e-3:
             continue
         share = diffuse_of[material[t]]
+        if facets_of[material[t]] > 0.0:
+            share *= np.exp(-facets_of[material[t]] * (1.0 - c * c) / (c * c))
         if share * gain[j] <= _INAUDIBLE:
             continue
         density = share / np.pi * c * gain[j] / (r * r)

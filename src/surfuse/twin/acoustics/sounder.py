@@ -84,7 +84,7 @@ class Sounder:
     ) -> None:
         self.scene, self.transducer, self.seed = scene, transducer, seed
         self.kit, self.air, self.bundle = kit or KitParameters(), air or AirParameters(), bundle or BundleParameters()
-        self.speed_m_s = speed_of_sound(self.air.temperature_c)
+        self.speed_m_s = speed_of_sound(self.air.temperature_c) * self.air.speed_factor
         self.assumed_speed_m_s = speed_of_sound(self.air.assumed_temperature_c)
         self.wave_number = 2.0 * np.pi * self.kit.frequency_hz / self.speed_m_s
         self.absorption = absorption(self.air, self.kit.frequency_hz)
@@ -100,6 +100,7 @@ class Sounder:
             mirror_of=table_of("reflectivity", surfaces),
             roughness_of=(2.0 * self.wave_number * table_of("roughness_m", surfaces)) ** 2,
             diffuse_of=table_of("diffuse", surfaces),
+            facets_of=_inverse_square(table_of("facet_slope", surfaces)),
             wave_number=self.wave_number,
             absorption=self.absorption,
             cell_m=self.bundle.speckle_cell_m,
@@ -297,3 +298,8 @@ def _workspace(rays: int, bins: int) -> _Workspace:
         real=np.zeros(bins),
         imag=np.zeros(bins),
     )
+
+
+def _inverse_square(slope: FloatArray) -> FloatArray:
+    """1 / slope^2, 0 where there is no slope: after Lambert's law."""
+    return np.where(slope > 0.0, 1.0 / np.maximum(slope, 1e-6) ** 2, 0.0)
