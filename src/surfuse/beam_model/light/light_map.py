@@ -10,8 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter, maximum_filter
+from scipy.spatial import cKDTree
 
 from surfuse.beam_model.echo.detector import DetectorModel
+from surfuse.beam_model.light.passed import seen_through
 from surfuse.beam_model.light.scatter import SensorScatter, sensor_scatter, usable_rows
 from surfuse.beam_model.map.estimate import estimate_map
 from surfuse.records import FloatArray, FusionScene, MapGrid, Readings, Regime, SurfaceMap
@@ -22,6 +24,11 @@ OFFSET_SHARE = {"tof": 1.0, "infrared": 1.0, "laser": 0.5, "touch": 0.2}
 BLUR_AGAIN = 1.5
 # Share of the scatter that neighbouring readings have in common (reflectance, poses).
 SHARED = 0.15
+# Readings around a node, and the percentile of their misses (so many sigmas of a normal one) that says whether the map
+# explains them; chance alone reaches so many times the usual scatter.
+AROUND = 25
+MOSTLY_PERCENT, MOSTLY_SIGMAS = 80.0, 1.2816
+MORE_THAN = 1.3
 
 
 @dataclass(frozen=True)
@@ -45,13 +52,15 @@ def light_map(
     scene: FusionScene, readings: Readings, grid: MapGrid, detector: DetectorModel, edge: float
 ) -> LightMap:  # fmt: skip
     """The map of readings that are all of light or contact."""
+    readings = readings.select(np.flatnonzero(~seen_through(scene, readings)))
     rough = estimate_map(scene, readings, grid, detector, edge)
     if np.count_nonzero(rough.mask) < 4 or min(rough.grid.shape) < 2:
         return LightMap(_named(rough), _offset_sigma(readings, None), 0.0)
     found = sensor_scatter(scene, readings, rough)
     surface = estimate_map(scene, corrected(readings, found), grid, detector, edge)
     spot = _spot(readings)
-    surface = _named(_doubted(surface, found, spot))
+    left = sensor_scatter(scene, corrected(readings, found), surface)
+    surface = _named(_doubted(surface, left, spot))
     return LightMap(surface, _offset_sigma(readings, found), spot)
 
 
@@ -78,8 +87,20 @@ def _doubted(surface: SurfaceMap, found: SensorScatter, spot_m: float) -> Surfac
     width = 2 * round(cells) + 1
     blur = BLUR_AGAIN * maximum_filter(np.where(surface.mask, change, 0.0), width)
     common = SHARED * float(np.max(found.scatter_m, initial=0.0))
-    sigma = np.sqrt(surface.sigma_m**2 + blur**2 + common**2)
+    sigma = np.sqrt(surface.sigma_m**2 + blur**2 + common**2 + _unexplained(surface, found) ** 2)
     return replace(surface, sigma_m=np.where(surface.mask, sigma, np.nan))
+
+
+def _unexplained(surface: SurfaceMap, found: SensorScatter) -> FloatArray:
+    """How far (R, C) in m the readings around a node are from the map beyond what they scatter everywhere."""
+    if len(found.left_m) < AROUND:
+        return np.zeros(surface.grid.shape)
+    uu, vv = np.meshgrid(surface.grid.u_m, surface.grid.v_m)
+    nodes = np.column_stack([uu.ravel(), vv.ravel()])
+    _, near = cKDTree(found.foot_m).query(nodes, k=AROUND)
+    local = np.percentile(np.abs(found.left_m)[near], MOSTLY_PERCENT, axis=1) / MOSTLY_SIGMAS
+    usual = float(np.max(found.scatter_m, initial=0.0))
+    return np.asarray(np.sqrt(np.maximum(local**2 - (MORE_THAN * usual) ** 2, 0.0)).reshape(surface.grid.shape))
 
 
 def _named(surface: SurfaceMap) -> SurfaceMap:

@@ -8,11 +8,13 @@ import numpy as np
 
 from surfuse.beam_model.light.zones import HeightField, predicted
 from surfuse.geometry.poses import inverse, rotate_vectors, transform_points
-from surfuse.records import BoolArray, FloatArray, FusionScene, Readings, Status, SurfaceMap
+from surfuse.records import BoolArray, FloatArray, FusionScene, IntArray, Readings, Status, SurfaceMap
 
 TO_SIGMA = 1.4826
 # Fewer readings than this say nothing of their sensor.
 LEAST_READINGS = 20
+# A rim inside of a zone is not to be undone: the most that averaging may be taken to do, in radii of the spot.
+AVERAGING_SHARE = 0.2
 
 
 @dataclass(frozen=True)
@@ -21,12 +23,15 @@ class SensorScatter:
 
     `offset_m` (S,) their median residual, `scatter_m` (S,) the robust standard deviation of the residuals of all
     sensors of that kind about their offsets; `averaging_m` (N,) the mean over the zone of each reading minus the range
-    along its axis, 0 for readings without an echo. A sensor with few readings has offset 0 and scatter 0.
+    along its axis, 0 for readings without an echo. A sensor with few readings has offset 0 and scatter 0. `foot_m`
+    (K, 2) and `left_m` (K,) are where readings end and their residuals about the offset of their sensor.
     """
 
     offset_m: FloatArray
     scatter_m: FloatArray
     averaging_m: FloatArray
+    foot_m: FloatArray
+    left_m: FloatArray
 
 
 def usable_rows(readings: Readings) -> BoolArray:
@@ -43,17 +48,19 @@ def sensor_scatter(scene: FusionScene, readings: Readings, surface: SurfaceMap) 
     half = 0.5 * np.array([spec.beam_full_angle_rad for spec in readings.specs])[readings.sensor[rows]]
     along, mean = predicted(HeightField.of(surface), place, axis, half, readings.range_m[rows])
     averaging = np.zeros(len(readings.range_m))
-    averaging[rows] = mean - along
+    most = AVERAGING_SHARE * along * np.tan(np.minimum(half, 1.0))
+    averaging[rows] = np.clip(mean - along, -most, most)
     error = readings.range_m[rows] - mean
     foot = place + along[:, None] * axis
     grid = surface.grid
     within = (foot[:, 0] >= grid.u_m[0]) & (foot[:, 0] <= grid.u_m[-1])
     within &= (foot[:, 1] >= grid.v_m[0]) & (foot[:, 1] <= grid.v_m[-1])
     offset, scatter = _by_sensor(readings, rows[within], error[within])
-    return SensorScatter(offset, scatter, averaging)
+    left = error - offset[readings.sensor[rows]]
+    return SensorScatter(offset, scatter, averaging, foot[within, :2], left[within])
 
 
-def _by_sensor(readings: Readings, rows: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _by_sensor(readings: Readings, rows: IntArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Offsets (S,) of the sensors, and the scatter (S,) of those of their kind and stated sigma."""
     sensor = readings.sensor[rows]
     count = len(readings.specs)
