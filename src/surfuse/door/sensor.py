@@ -18,7 +18,8 @@ class Sensor:
     (diameter of the face) tell more about an ultrasonic beam. Beyond `incidence_limit_deg` a smooth surface gives no
     echo. The beam starts `dead_length_m` in front of the origin (a tube). `firing_time_s` is the time of one reading.
     A reading is `offset_m` + `scale` x distance; both are taken out. `late_tilt_deg`, `late_bias_m`, `late_scatter_m`
-    (K,) say how it was measured to read tilted plates.
+    (K,) say how it was measured to read tilted plates. A zone looks `off_axis_deg` beside the axis of its chip; its
+    `distance` is along the "ray" or "perpendicular" to the chip.
 
     Raises
     ------
@@ -40,6 +41,8 @@ class Sensor:
     late_tilt_deg: tuple[float, ...] | None = None
     late_bias_m: tuple[float, ...] | None = None
     late_scatter_m: tuple[float, ...] | None = None
+    off_axis_deg: float = 0.0
+    distance: str = "ray"
 
     def __post_init__(self) -> None:
         described(self, "sensor", "sf.Sensor")

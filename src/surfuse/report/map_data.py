@@ -44,7 +44,7 @@ REGIME_MEANINGS = {
     Regime.SPECKLE: "Heard as scattered sound of a tilted patch, which comes late and scatters by millimetres.",
     Regime.EDGE: "Only the wave of a rim touches the cell: it tells where the rim is, less how high the cell lies.",
     Regime.PRIOR: "No reading holds the cell: its surroundings are continued. Hatched, grey or dotted, never measured.",
-    Regime.RAY: "Read by light or contact where the axis of the sensor ends: direct, but only as sharp as its spot or zone.",
+    Regime.RAY: "Read by light or contact where the axis of the sensor ends: direct, as sharp as its spot or zone.",
 }
 REGIME_COLOURS = {
     Regime.EMPTY: "eef1f4",

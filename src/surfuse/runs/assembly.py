@@ -11,6 +11,7 @@ from surfuse.records import IntArray, ReadingColumns, Readings, SensorSpec, Stat
 from surfuse.runs.scan_log import ScanLog
 from surfuse.runs.side_files import GivenPart, RangeCorrection
 from surfuse.runs.sweep_grouping import estimate_part_frame, grip_poses, group_by_repeat, row_numbers, sweep_means
+from surfuse.runs.zone_distance import contradicted
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +84,11 @@ def _corrected(single: SingleReadings, warnings: list[str], sensors_name: str) -
     columns = single.columns
     if not any(one != RangeCorrection() for one in single.corrections):
         return columns.range_m
+    warnings += contradicted(columns.position_m, columns.axis, columns.range_m, columns.sensor, single.corrections)
+    if all(one.offset_m == 0.0 and one.factor == 1.0 for one in single.corrections):
+        return columns.range_m
     offset = np.array([one.offset_m for one in single.corrections])[columns.sensor]
-    scale = np.array([one.scale for one in single.corrections])[columns.sensor]
+    scale = np.array([one.factor for one in single.corrections])[columns.sensor]
     warnings.append(f"{sensors_name} holds a calibration: offset and scale are taken out of the ranges")
     return np.asarray((columns.range_m - offset) / scale, dtype=np.float64)
 

@@ -13,6 +13,7 @@ from surfuse.records import Outline, Readings
 from surfuse.runs.scan_log import ScanLog
 from surfuse.runs.side_files import RangeCorrection, read_corrections, read_frame, read_outline, read_sensors
 from surfuse.runs.sweep_grouping import row_numbers
+from surfuse.runs.zone_distance import contradicted
 
 _PARALLEL = 1e-9
 
@@ -47,6 +48,9 @@ def _with_sensors(scan: ScanLog, path: Path) -> ScanLog:
     warnings = [f"{path.name} corrects {len(given)} of {len(names)} sensors"]
     readings = replace(scan.readings, specs=tuple(given.get(spec.name, spec) for spec in scan.readings.specs))
     if any(one != RangeCorrection() for one in corrections):
+        warnings += contradicted(
+            readings.position_m, readings.axis, readings.range_m, readings.sensor, tuple(corrections)
+        )
         readings = replace(readings, range_m=_corrected(readings, corrections))
         warnings.append(f"{path.name} holds a calibration: offset and scale are taken out of the ranges")
     return replace(scan, readings=readings, warnings=(*scan.warnings, *warnings))
@@ -55,7 +59,7 @@ def _with_sensors(scan: ScanLog, path: Path) -> ScanLog:
 def _corrected(readings: Readings, corrections: list[RangeCorrection]) -> FloatArray:
     """Ranges (N,) without offset and scale; what is no number stays what it is."""
     offset = np.array([one.offset_m for one in corrections])[readings.sensor]
-    scale = np.array([one.scale for one in corrections])[readings.sensor]
+    scale = np.array([one.factor for one in corrections])[readings.sensor]
     return np.asarray((readings.range_m - offset) / scale, dtype=np.float64)
 
 

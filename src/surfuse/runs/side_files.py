@@ -37,18 +37,35 @@ SENSOR_KEYS = (
     "late_tilt_deg",
     "late_bias_m",
     "late_scatter_m",
+    "off_axis_deg",
+    "distance",
 )
 
+ALONG, PERPENDICULAR = "ray", "perpendicular"
+"""What a zone's number is: the distance along its own direction, or perpendicular to the face of the chip."""
+
+MOST_OFF_AXIS_DEG = 60.0
 
 _LATE_KEYS = ("late_tilt_deg", "late_bias_m", "late_scatter_m")
 
 
 @dataclass(frozen=True)
 class RangeCorrection:
-    """Calibration of a sensor's ranges: range = offset_m + scale x distance."""
+    """Calibration of a sensor's ranges: range = offset_m + scale x distance.
+
+    A zone looks `off_axis_rad` beside the axis of its chip; `perpendicular` says that its distance is measured along
+    that axis and not along the zone.
+    """
 
     offset_m: float = 0.0
     scale: float = 1.0
+    off_axis_rad: float = 0.0
+    perpendicular: bool = False
+
+    @property
+    def factor(self) -> float:
+        """Range minus offset, over the distance along the zone."""
+        return self.scale * math.cos(self.off_axis_rad) if self.perpendicular else self.scale
 
 
 @dataclass(frozen=True)
@@ -117,7 +134,15 @@ def _correction(table: Mapping[str, object], where: str) -> RangeCorrection:
     scale = number(table, "scale", where, 1.0)
     if not 0.5 <= scale <= 2.0:
         raise ConfigError(f"scale = {scale:g}", where=where, cure="give a factor near 1, from 0.5 to 2")
-    return RangeCorrection(number(table, "offset_m", where, 0.0), scale)
+    off_axis_deg, distance = number(table, "off_axis_deg", where, 0.0), table.get("distance", ALONG)
+    if not 0.0 <= off_axis_deg <= MOST_OFF_AXIS_DEG:
+        raise ConfigError(
+            f"off_axis_deg = {off_axis_deg:g}", where=where, cure=f"give 0 to {MOST_OFF_AXIS_DEG:g}: zone to chip axis"
+        )
+    if distance not in (ALONG, PERPENDICULAR):
+        raise ConfigError(f"distance = {distance!r}", where=where, cure=f'write "{ALONG}" or "{PERPENDICULAR}"')
+    perpendicular = distance == PERPENDICULAR
+    return RangeCorrection(number(table, "offset_m", where, 0.0), scale, math.radians(off_axis_deg), perpendicular)
 
 
 def _spec(name: str, table: Mapping[str, object], where: str) -> SensorSpec:

@@ -50,7 +50,7 @@ def together(heard: SurfaceMap, seen: LightMap) -> SurfaceMap:
     if not np.any(both):
         return seen.whole()
     cells = seen.spot_m / float(np.median(np.diff(fine.u_m)))
-    apart = light.height_m - blurred(sound.height_m, sound.mask, cells)
+    apart = np.asarray(light.height_m) - blurred(sound.height_m, sound.mask, cells)
     offset, left = _offset(apart, sound, light, both, seen.offset_sigma_m)
     share, square = _share(apart - offset, light, both, cells)
     lit = light.height_m - offset
@@ -106,7 +106,7 @@ def _layers(
     # What sound could only continue, light has seen.
     unheard = np.isin(regime, [int(Regime.PRIOR), int(Regime.EMPTY)]) & light.mask
     regime = np.where(unheard, light.regime, regime)
-    held = sound.alternative_height_m is not None
+    second, weight = sound.alternative_height_m, sound.alternative_weight
     return replace(
         sound,
         height_m=np.where(mask, height, np.nan),
@@ -115,6 +115,6 @@ def _layers(
         count=np.where(mask, sound.count * sound.mask + light.count * light.mask, 0),
         mask=mask,
         regime=np.where(mask, regime, int(Regime.EMPTY)).astype(np.uint8),
-        alternative_height_m=None if not held else np.where(mostly, np.nan, sound.alternative_height_m),
-        alternative_weight=None if not held else np.where(mostly, 0.0, sound.alternative_weight),
+        alternative_height_m=None if second is None else np.where(mostly, np.nan, second),
+        alternative_weight=None if weight is None else np.where(mostly, 0.0, weight),
     )

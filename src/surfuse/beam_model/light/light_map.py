@@ -16,7 +16,7 @@ from surfuse.beam_model.echo.detector import DetectorModel
 from surfuse.beam_model.light.passed import seen_through
 from surfuse.beam_model.light.scatter import SensorScatter, sensor_scatter, usable_rows
 from surfuse.beam_model.map.estimate import estimate_map
-from surfuse.records import FloatArray, FusionScene, MapGrid, Readings, Regime, SurfaceMap
+from surfuse.records import BoolArray, FloatArray, FusionScene, MapGrid, Readings, Regime, SurfaceMap
 
 # Share of a sensor's sigma that no averaging removes: its offset, as data sheets leave it.
 OFFSET_SHARE = {"tof": 1.0, "infrared": 1.0, "laser": 0.5, "touch": 0.2}
@@ -73,9 +73,9 @@ def corrected(readings: Readings, found: SensorScatter) -> Readings:
     return replace(readings, range_m=range_m, sigma_m=np.maximum(own, found.scatter_m[readings.sensor]))
 
 
-def blurred(height: FloatArray, mask: FloatArray, spot_cells: float) -> FloatArray:
+def blurred(height: FloatArray, mask: BoolArray, spot_cells: float) -> FloatArray:
     """Heights (R, C) averaged over a zone's spot; what is not known continues the nearest value."""
-    _, nearest = distance_transform_edt(~np.asarray(mask, dtype=bool), return_indices=True)
+    _, nearest = distance_transform_edt(~mask, return_indices=True)
     # A disc has the variance r^2 / 4 along each axis.
     return np.asarray(gaussian_filter(height[nearest[0], nearest[1]], 0.5 * spot_cells, mode="nearest"))
 
