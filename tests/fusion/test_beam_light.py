@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from surfuse.beam_model.light.contradiction import Contradiction, contradiction
 from surfuse.beam_model.light.every_kind import together
 from surfuse.beam_model.light.light_map import LightMap
 from surfuse.beam_model.light.passed import seen_through
@@ -82,13 +85,17 @@ def plain(height_m: np.ndarray, sigma_m: float, regime: Regime) -> SurfaceMap:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_light_that_only_adds_noise_and_an_offset_does_not_move_sound(seed: int) -> None:
-    rng = np.random.default_rng(seed)
+def light_of(surface: SurfaceMap) -> LightMap:
+    return LightMap(surface, 0.004, 0.01, 0.003, zone_scan()[1])
+
+
+def test_sound_that_light_does_not_contradict_stays_to_the_last_bit() -> None:
+    rng = np.random.default_rng(0)
     sound = plain(np.zeros((40, 40)), 0.0003, Regime.MIRROR)
     light = plain(0.004 + 0.0015 * rng.normal(size=(40, 40)), 0.0015, Regime.RAY)
-    both = together(sound, LightMap(light, 0.004, 0.01))
-    assert np.sqrt(np.mean(both.height_m**2)) < 2e-5
+    chance = np.full((40, 40), 1e-6)
+    both = together(sound, light_of(light), Contradiction(1.5 * chance, chance))
+    assert np.array_equal(both.height_m, sound.height_m)
     assert np.all(both.regime == int(Regime.MIRROR))
 
 
@@ -97,16 +104,30 @@ def test_sound_that_light_contradicts_gives_way_there_and_only_there() -> None:
     wrong = np.zeros((40, 60))
     wrong[:, 45:] = 0.02
     light = plain(0.001 * rng.normal(size=(40, 60)), 0.001, Regime.RAY)
-    both = together(plain(wrong, 0.0003, Regime.SPECKLE), LightMap(light, 0.004, 0.01))
-    assert np.sqrt(np.mean(both.height_m[:, 48:] ** 2)) < 0.004
-    assert np.sqrt(np.mean(both.height_m[:, :35] ** 2)) < 1e-4
-    assert np.all(both.regime[:, 50:] == int(Regime.RAY))
+    chance = np.full((40, 60), 1e-6)
+    both = together(plain(wrong, 0.0003, Regime.SPECKLE), light_of(light), Contradiction(wrong**2, chance))
+    assert np.sqrt(np.mean(both.height_m[:, 45:] ** 2)) < 0.002
+    assert np.all(both.height_m[:, :45] == 0.0)
+    assert np.all(both.regime[:, 45:] == int(Regime.RAY))
 
 
 def test_what_sound_did_not_hear_is_taken_from_light() -> None:
     sound = plain(np.zeros((30, 30)), 0.01, Regime.PRIOR)
     light = plain(np.zeros((30, 30)), 0.002, Regime.RAY)
-    assert np.all(together(sound, LightMap(light, 0.002, 0.01)).regime == int(Regime.RAY))
+    chance = np.full((30, 30), 1e-6)
+    both = together(sound, light_of(light), Contradiction(0.0 * chance, chance))
+    assert np.all(both.regime == int(Regime.RAY))
+
+
+def test_readings_of_light_contradict_a_wrong_surface_and_not_the_right_one() -> None:
+    scene, readings = zone_scan(0.2, offset_m=0.004)
+    nodes = np.arange(-20, 21) * 0.003
+    right = plain(0.2 * nodes[None, :] + np.zeros((41, 1)), 0.001, Regime.MIRROR)
+    right = dataclasses.replace(right, grid=MapGrid(nodes, nodes, np.eye(4)))
+    bent = dataclasses.replace(right, height_m=right.height_m + 4.0 * nodes[None, :] ** 2)
+    told = [contradiction(scene, readings, one, 0.003, 0.02) for one in (right, bent)]
+    assert np.median(told[0].square / told[0].noise) < 1.0
+    assert np.median(told[1].square / told[1].noise) > 3.0
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.4])
@@ -119,7 +140,7 @@ def test_a_zone_reads_the_mean_over_its_solid_angle(slope: float) -> None:
         grid, height, 0.001 * empty, empty, empty.astype(np.int64), empty > 0, empty.astype(np.uint8), "m"
     )
     place, axis, half = np.array([[0.0, 0.0, 0.4]]), np.array([[0.0, 0.0, -1.0]]), np.array([0.1])
-    along, mean = predicted(HeightField.of(surface), place, axis, half, np.array([0.43]))
+    along, mean, _ = predicted(HeightField.of(surface), place, axis, half, np.array([0.43]))
     assert along[0] == pytest.approx(0.4, abs=1e-5)
     rng = np.random.default_rng(1)
     angle, turn = 0.1 * np.sqrt(rng.random(200_000)), rng.uniform(0.0, 2.0 * np.pi, 200_000)

@@ -10,17 +10,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter
 
 from surfuse.beam_model.echo.detector import DetectorModel
-from surfuse.beam_model.light.light_map import LightMap, blurred, light_map
+from surfuse.beam_model.light.contradiction import Contradiction, contradiction
+from surfuse.beam_model.light.light_map import LightMap, light_map
+from surfuse.beam_model.light.same_nodes import at_nodes
 from surfuse.beam_model.map.estimate import estimate_map
 from surfuse.records import BoolArray, FloatArray, FusionScene, MapGrid, Readings, Regime, SurfaceMap
-from surfuse.surface.resample import resampled
 
-# Contradictions of less than so many variances of light are its noise; they are averaged over so many spots.
+# Contradictions of less than so many variances of chance are chance.
 NOISE = 2.0
-SPOTS = 2.0
 TO_SIGMA = 1.4826
 # Neighbouring cells share their errors: so many of them count as one when the offset is estimated.
 CELLS_THAT_AGREE = 25.0
@@ -37,31 +36,29 @@ def map_of_every_kind(
     if np.all(lit):
         return seen.whole()
     heard = estimate_map(scene, readings.select(np.flatnonzero(~lit)), grid, detector, edge)
-    if not np.any(heard.mask) or not np.any(seen.surface.mask):
+    if np.count_nonzero(heard.mask) < 4 or not np.any(seen.surface.mask):
         return seen.whole() if np.any(seen.surface.mask) else heard
-    return together(heard, seen)
+    return together(heard, seen, contradiction(scene, seen.readings, heard, seen.scatter_m, seen.spot_m))
 
 
-def together(heard: SurfaceMap, seen: LightMap) -> SurfaceMap:
-    """The map of sound, moved towards the map of light where light contradicts it."""
-    fine = heard.grid if len(heard.grid.u_m) >= len(seen.surface.grid.u_m) else seen.surface.grid
-    sound, light = resampled(heard, fine), resampled(seen.surface, fine)
+def together(heard: SurfaceMap, seen: LightMap, apart: Contradiction) -> SurfaceMap:
+    """The map of sound, moved towards the map of light where light contradicts it; `apart` is at the nodes of sound."""
+    sound, light = heard, at_nodes(seen.surface, heard.grid)
     both = sound.mask & light.mask
     if not np.any(both):
         return seen.whole()
-    cells = seen.spot_m / float(np.median(np.diff(fine.u_m)))
-    apart = np.asarray(light.height_m) - blurred(sound.height_m, sound.mask, cells)
-    offset, left = _offset(apart, sound, light, both, seen.offset_sigma_m)
-    share, square = _share(apart - offset, light, both, cells)
+    offset, left = _offset(light.height_m - sound.height_m, sound, light, both, seen.offset_sigma_m)
+    share = np.clip(1.0 - NOISE * apart.noise / np.maximum(apart.square, 1e-18), 0.0, 1.0)
+    share = np.where(both, share, np.where(light.mask, 1.0, 0.0))
     lit = light.height_m - offset
     lit_sigma = np.hypot(light.sigma_m, left)
-    share = np.where(both, share, np.where(light.mask, 1.0, 0.0))
     height = np.where(share > 0.0, np.where(both, sound.height_m + share * (lit - sound.height_m), lit), sound.height_m)
-    between = share * (1.0 - share) * square
+    # What light contradicts and the map keeps all the same.
+    kept = np.where(both, (1.0 - share) * np.maximum(apart.square - apart.noise, 0.0), 0.0)
     sigma = np.sqrt(
         (1.0 - share) * np.where(sound.mask, sound.sigma_m, 0.0) ** 2
         + share * np.where(light.mask, lit_sigma, 0.0) ** 2
-        + between
+        + kept
     )
     return _layers(sound, light, share, height, sigma)
 
@@ -81,19 +78,6 @@ def _offset(
         return 0.0, 0.0
     gain = prior_m**2 / (prior_m**2 + variance)
     return gain * middle, float(np.sqrt(gain * variance))
-
-
-def _share(apart: FloatArray, light: SurfaceMap, both: BoolArray, cells: float) -> tuple[FloatArray, FloatArray]:
-    """How far (R, C) the map moves from sound to light, and the mean square (m^2) of what they are apart."""
-    width = max(3, 2 * round(SPOTS * cells) + 1)
-
-    def mean(values: FloatArray) -> FloatArray:
-        number = np.maximum(uniform_filter(both.astype(np.float64), width, mode="constant"), 1e-9)
-        return np.asarray(uniform_filter(np.where(both, values, 0.0), width, mode="constant") / number)
-
-    square = np.maximum(mean(apart**2), 0.0)
-    noise = mean(light.sigma_m**2)
-    return np.where(both, np.clip(1.0 - NOISE * noise / np.maximum(square, 1e-18), 0.0, 1.0), 0.0), square
 
 
 def _layers(

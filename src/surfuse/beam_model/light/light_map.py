@@ -21,7 +21,7 @@ from surfuse.records import BoolArray, FloatArray, FusionScene, MapGrid, Reading
 # Share of a sensor's sigma that no averaging removes: its offset, as data sheets leave it.
 OFFSET_SHARE = {"tof": 1.0, "infrared": 1.0, "laser": 0.5, "touch": 0.2}
 # A blurred surface is wrong by a multiple of what blurring it once more changes.
-BLUR_AGAIN = 1.5
+BLUR_AGAIN = 2.0
 # Share of the scatter that neighbouring readings have in common (reflectance, poses).
 SHARED = 0.15
 # Readings around a node, and the percentile of their misses (so many sigmas of a normal one) that says whether the map
@@ -35,12 +35,15 @@ MORE_THAN = 1.3
 class LightMap:
     """A map whose sigma is without the offset that all its readings share, and that offset's standard deviation (m).
 
-    `spot_m` is the typical radius of a zone on the part.
+    `spot_m` is the typical radius of a zone on the part, `scatter_m` the scatter of the readings about the map;
+    `readings` are those that it was made of, as they are in the log.
     """
 
     surface: SurfaceMap
     offset_sigma_m: float
     spot_m: float
+    scatter_m: float
+    readings: Readings
 
     def whole(self) -> SurfaceMap:
         """The map with the offset in its sigma."""
@@ -55,13 +58,15 @@ def light_map(
     readings = readings.select(np.flatnonzero(~seen_through(scene, readings)))
     rough = estimate_map(scene, readings, grid, detector, edge)
     if np.count_nonzero(rough.mask) < 4 or min(rough.grid.shape) < 2:
-        return LightMap(_named(rough), _offset_sigma(readings, None), 0.0)
+        return LightMap(_named(rough), _offset_sigma(readings, None), 0.0, 0.0, readings)
     found = sensor_scatter(scene, readings, rough)
     surface = estimate_map(scene, corrected(readings, found), grid, detector, edge)
     spot = _spot(readings)
     left = sensor_scatter(scene, corrected(readings, found), surface)
-    surface = _named(_doubted(surface, left, spot))
-    return LightMap(surface, _offset_sigma(readings, found), spot)
+    blur = _blur(surface, spot)
+    surface = _named(_doubted(surface, left, blur))
+    scatter = float(np.max(left.scatter_m, initial=0.0))
+    return LightMap(surface, _offset_sigma(readings, found), spot, scatter, readings)
 
 
 def corrected(readings: Readings, found: SensorScatter) -> Readings:
@@ -80,12 +85,16 @@ def blurred(height: FloatArray, mask: BoolArray, spot_cells: float) -> FloatArra
     return np.asarray(gaussian_filter(height[nearest[0], nearest[1]], 0.5 * spot_cells, mode="nearest"))
 
 
-def _doubted(surface: SurfaceMap, found: SensorScatter, spot_m: float) -> SurfaceMap:
-    """The map with what zones cannot resolve, and what readings have in common, in its sigma."""
+def _blur(surface: SurfaceMap, spot_m: float) -> FloatArray:
+    """What zones cannot resolve (R, C) in m: from what averaging the map once more changes within a spot."""
     cells = spot_m / float(np.median(np.diff(surface.grid.u_m)))
     change = np.abs(blurred(surface.height_m, surface.mask, cells) - np.nan_to_num(surface.height_m))
     width = 2 * round(cells) + 1
-    blur = BLUR_AGAIN * maximum_filter(np.where(surface.mask, change, 0.0), width)
+    return np.asarray(BLUR_AGAIN * maximum_filter(np.where(surface.mask, change, 0.0), width))
+
+
+def _doubted(surface: SurfaceMap, found: SensorScatter, blur: FloatArray) -> SurfaceMap:
+    """The map with what zones cannot resolve, and what readings have in common, in its sigma."""
     common = SHARED * float(np.max(found.scatter_m, initial=0.0))
     sigma = np.sqrt(surface.sigma_m**2 + blur**2 + common**2 + _unexplained(surface, found) ** 2)
     return replace(surface, sigma_m=np.where(surface.mask, sigma, np.nan))

@@ -15,6 +15,7 @@ TO_SIGMA = 1.4826
 LEAST_READINGS = 20
 # A rim inside of a zone is not to be undone: the most that averaging may be taken to do, in radii of the spot.
 AVERAGING_SHARE = 0.2
+MOSTLY_ON = 0.7
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def sensor_scatter(scene: FusionScene, readings: Readings, surface: SurfaceMap) 
     place = transform_points(part_from_world, readings.position_m[rows])
     axis = rotate_vectors(part_from_world, readings.axis[rows])
     half = 0.5 * np.array([spec.beam_full_angle_rad for spec in readings.specs])[readings.sensor[rows]]
-    along, mean = predicted(HeightField.of(surface), place, axis, half, readings.range_m[rows])
+    along, mean, on = predicted(HeightField.of(surface), place, axis, half, readings.range_m[rows])
     averaging = np.zeros(len(readings.range_m))
     most = AVERAGING_SHARE * along * np.tan(np.minimum(half, 1.0))
     averaging[rows] = np.clip(mean - along, -most, most)
@@ -55,6 +56,8 @@ def sensor_scatter(scene: FusionScene, readings: Readings, surface: SurfaceMap) 
     grid = surface.grid
     within = (foot[:, 0] >= grid.u_m[0]) & (foot[:, 0] <= grid.u_m[-1])
     within &= (foot[:, 1] >= grid.v_m[0]) & (foot[:, 1] <= grid.v_m[-1])
+    # A zone that is half beside the part says more of its rim than of its height.
+    within &= on >= MOSTLY_ON
     offset, scatter = _by_sensor(readings, rows[within], error[within])
     left = error - offset[readings.sensor[rows]]
     return SensorScatter(offset, scatter, averaging, foot[within, :2], left[within])

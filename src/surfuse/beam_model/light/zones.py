@@ -21,13 +21,17 @@ FARTHEST_SHARE = 0.5
 
 @dataclass(frozen=True)
 class HeightField:
-    """Heights (R, C) in m over nodes (u0 + i g, v0 + j g), continued beyond what is known by the nearest value."""
+    """Heights (R, C) in m over nodes `u_m` (C,), `v_m` (R,), continued beyond what is known by the nearest value.
+
+    `known` (R, C) is 1 where the map has a value and 0 elsewhere.
+    """
 
     height_m: FloatArray
     slope_u: FloatArray
     slope_v: FloatArray
     u_m: FloatArray
     v_m: FloatArray
+    known: FloatArray
 
     @staticmethod
     def of(surface: SurfaceMap) -> HeightField:
@@ -35,13 +39,21 @@ class HeightField:
         _, nearest = distance_transform_edt(~surface.mask, return_indices=True)
         height = surface.height_m[nearest[0], nearest[1]]
         slope_v, slope_u = np.gradient(height, surface.grid.v_m, surface.grid.u_m)
-        return HeightField(height, slope_u, slope_v, surface.grid.u_m, surface.grid.v_m)
+        known = surface.mask.astype(np.float64)
+        return HeightField(height, slope_u, slope_v, surface.grid.u_m, surface.grid.v_m, known)
 
     def at(self, layer: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
         """A layer (R, C) at points (N,): bilinear, held at the border."""
         i = np.interp(u, self.u_m, np.arange(len(self.u_m), dtype=np.float64))
         j = np.interp(v, self.v_m, np.arange(len(self.v_m), dtype=np.float64))
         return np.asarray(map_coordinates(layer, [j, i], order=1, mode="nearest"), dtype=np.float64)
+
+    def holds(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Whether points (N,) lie on what is known: 1.0 or 0.0."""
+        half = 0.5 * float(np.median(np.diff(self.u_m)))
+        inside = (u >= self.u_m[0] - half) & (u <= self.u_m[-1] + half)
+        inside &= (v >= self.v_m[0] - half) & (v <= self.v_m[-1] + half)
+        return np.asarray(inside & (self.at(self.known, u, v) >= 0.5), dtype=np.float64)
 
     def ranges(self, position_m: FloatArray, ray: FloatArray, start_m: FloatArray) -> FloatArray:
         """Range (N,) along unit rays (N, 3) from positions (N, 3), sought from `start_m` (N,)."""
@@ -57,8 +69,10 @@ class HeightField:
 
 def predicted(
     field: HeightField, position_m: FloatArray, axis: FloatArray, half_rad: FloatArray, range_m: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Range along the axis and mean range over the zone (N,), over a surface.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Range along the axis, mean range over the zone, and the share of the zone that is on the surface (N,).
+
+    What the zone sees beside the surface takes no part in the mean.
 
     `position_m`, `axis` (N, 3), half angles `half_rad` (N,) of the zones; the search starts from the measured ranges.
     """
@@ -67,7 +81,7 @@ def predicted(
     first = np.cross(axis, helper)
     first = first / np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(axis, first)
-    weight, moment = np.zeros(len(axis)), np.zeros(len(axis))
+    weight, moment, on = np.zeros(len(axis)), np.zeros(len(axis)), np.zeros(len(axis))
     for ring in range(RINGS):
         angle = half_rad * np.sqrt((ring + 0.5) / RINGS)
         for turn in 2.0 * np.pi * (np.arange(AZIMUTHS) + 0.5 * ring) / AZIMUTHS:
@@ -77,7 +91,10 @@ def predicted(
             x, y = position_m[:, 0] + met * ray[:, 0], position_m[:, 1] + met * ray[:, 1]
             gu, gv = field.at(field.slope_u, x, y), field.at(field.slope_v, x, y)
             facing = (gu * ray[:, 0] + gv * ray[:, 1] - ray[:, 2]) / np.sqrt(1.0 + gu**2 + gv**2)
-            share = np.maximum(facing, 0.02) / met**2
+            there = field.holds(x, y)
+            share = there * np.maximum(facing, 0.02) / met**2
+            on += there
             weight += share
             moment += share * met
-    return along, moment / weight
+    mean = np.where(weight > 0.0, moment / np.where(weight > 0.0, weight, 1.0), along)
+    return along, mean, on / (RINGS * AZIMUTHS)
