@@ -94,7 +94,7 @@ def test_sound_that_light_does_not_contradict_stays_to_the_last_bit() -> None:
     sound = plain(np.zeros((40, 40)), 0.0003, Regime.MIRROR)
     light = plain(0.004 + 0.0015 * rng.normal(size=(40, 40)), 0.0015, Regime.RAY)
     chance = np.full((40, 40), 1e-6)
-    both = together(sound, light_of(light), Contradiction(1.5 * chance, chance))
+    both = together(sound, light_of(light), Contradiction(1.4 * chance, chance))
     assert np.array_equal(both.height_m, sound.height_m)
     assert np.all(both.regime == int(Regime.MIRROR))
 

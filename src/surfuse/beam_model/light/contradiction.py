@@ -14,7 +14,7 @@ from surfuse.records import FloatArray, FusionScene, Readings, SurfaceMap
 # Readings around a node; the share of their scatter that they have in common; and what is averaged, in spots.
 AROUND = 40
 SHARED = 0.15
-SPOTS = 1.0
+SPOTS = 2.0
 
 
 @dataclass(frozen=True)

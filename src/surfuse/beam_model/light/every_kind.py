@@ -1,8 +1,7 @@
 """One map from sensors of every kind: sound and light each by its own model, light judging what sound made up.
 
 Sound is sharp where its echo is understood and far off where it is not; light is coarse and never ambiguous. So the map
-of sound stands wherever light does not contradict it, and moves towards light by the share of the contradiction that is
-not light's own noise (positive-part shrinkage: James and Stein, Proc. 4th Berkeley Symp. 1 (1961) 361).
+of sound stands wherever the readings of light do not contradict it beyond chance, and gives way where they do.
 """
 
 from __future__ import annotations
@@ -18,8 +17,8 @@ from surfuse.beam_model.light.same_nodes import at_nodes
 from surfuse.beam_model.map.estimate import estimate_map
 from surfuse.records import BoolArray, FloatArray, FusionScene, MapGrid, Readings, Regime, SurfaceMap
 
-# Contradictions of less than so many variances of chance are chance.
-NOISE = 2.0
+# Contradictions of less than so many variances of chance are chance; from so many on, the echo was not understood.
+CHANCE, WRONG = 2.2, 3.0
 TO_SIGMA = 1.4826
 # Neighbouring cells share their errors: so many of them count as one when the offset is estimated.
 CELLS_THAT_AGREE = 25.0
@@ -47,8 +46,9 @@ def together(heard: SurfaceMap, seen: LightMap, apart: Contradiction) -> Surface
     both = sound.mask & light.mask
     if not np.any(both):
         return seen.whole()
-    offset, left = _offset(light.height_m - sound.height_m, sound, light, both, seen.offset_sigma_m)
-    share = np.clip(1.0 - NOISE * apart.noise / np.maximum(apart.square, 1e-18), 0.0, 1.0)
+    ratio = apart.square / np.maximum(apart.noise, 1e-18)
+    share = np.clip((ratio - CHANCE) / (WRONG - CHANCE), 0.0, 1.0)
+    offset, left = _offset(sound, light, both & (ratio < CHANCE), seen.offset_sigma_m)
     share = np.where(both, share, np.where(light.mask, 1.0, 0.0))
     lit = light.height_m - offset
     lit_sigma = np.hypot(light.sigma_m, left)
@@ -63,19 +63,22 @@ def together(heard: SurfaceMap, seen: LightMap, apart: Contradiction) -> Surface
     return _layers(sound, light, share, height, sigma)
 
 
-def _offset(
-    apart: FloatArray, sound: SurfaceMap, light: SurfaceMap, both: BoolArray, prior_m: float
-) -> tuple[float, float]:
-    """Offset of light against sound (m) and what is left unknown of it: weighted median, shrunk by its prior."""
-    weight = 1.0 / (sound.sigma_m[both] ** 2 + light.sigma_m[both] ** 2)
-    values = apart[both]
+def _offset(sound: SurfaceMap, light: SurfaceMap, agreed: BoolArray, prior_m: float) -> tuple[float, float]:
+    """Offset of light against sound (m) and what is left unknown of it: weighted median, shrunk by its prior.
+
+    Only cells (R, C) where light does not contradict sound speak for it; the more of them, the more.
+    """
+    if prior_m <= 0.0 or not np.any(agreed):
+        return 0.0, max(prior_m, 0.0)
+    values = (light.height_m - sound.height_m)[agreed]
+    weight = 1.0 / (sound.sigma_m[agreed] ** 2 + light.sigma_m[agreed] ** 2)
     order = np.argsort(values)
     passed = np.cumsum(weight[order])
     middle = float(values[order][np.searchsorted(passed, 0.5 * passed[-1])])
     scatter = TO_SIGMA * float(np.median(np.abs(values - middle)))
-    variance = (scatter**2 + float(1.0 / np.median(weight))) * CELLS_THAT_AGREE / max(len(values), CELLS_THAT_AGREE)
-    if prior_m <= 0.0:
-        return 0.0, 0.0
+    variance = (scatter**2 + float(1.0 / np.median(weight))) * CELLS_THAT_AGREE / len(values)
+    # Where most of the map is contradicted, what agrees may do so by chance.
+    variance += prior_m**2 * (agreed.size / len(values) - 1.0)
     gain = prior_m**2 / (prior_m**2 + variance)
     return gain * middle, float(np.sqrt(gain * variance))
 
