@@ -301,7 +301,7 @@ FAULTS = [
     (MAP, {"sigma_m": np.full((2, 3), -0.1)}, "SurfaceMap.sigma_m holds -0.1; give 0 or more"),
     (MAP, {"confidence": np.full((2, 3), 2.0)}, "SurfaceMap.confidence holds 2; give 0 to 1"),
     (MAP, {"count": np.full((2, 3), -1)}, "SurfaceMap.count holds -1"),
-    (MAP, {"regime": np.full((2, 3), 77)}, "SurfaceMap.regime holds 77; give 0 to 5"),
+    (MAP, {"regime": np.full((2, 3), 77)}, "SurfaceMap.regime holds 77; give 0 to 6"),
     (SWEEP, {"axis": np.full((2, 3), 1.0)}, r"Sweep.axis\[0\] has the length 1.73205, wanted 1; give unit vectors"),
     (SWEEP, {"world_from_grip": STRETCHED}, "Sweep.world_from_grip is not a right-handed rigid pose"),
     (SWEEP, {"status": np.array([0, 9])}, "Sweep.status holds 9; give 0 to 3"),

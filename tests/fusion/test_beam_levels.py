@@ -80,7 +80,7 @@ def test_treads_are_found_under_the_arcs_of_the_free_space() -> None:
     assert all(np.min(np.abs(levels - one)) < 0.0012 for one in whole)
     found = stepped(p, free, 0.0, 0.0)
     assert found is not None
-    assert np.mean(np.abs(found - truth)[p.raster.domain] < 0.002) > 0.95
+    assert np.mean(np.abs(found - truth)[p.raster.domain] < 0.002) > 0.9
 
 
 def test_one_level_makes_no_terraces() -> None:

@@ -20,7 +20,8 @@ class Sensor:
     echo. The beam starts `dead_length_m` in front of the origin (a tube). `firing_time_s` is the time of one reading.
     The true range is `scale` x reading + `offset_m`; with `range_correction` "true_to_reading" the reading is `scale`
     x true range + `offset_m`. `late_tilt_deg`, `late_bias_m`, `late_scatter_m` (K,) say how it was measured to read
-    tilted plates.
+    tilted plates. A zone looks `off_axis_deg` beside the axis of its chip;
+    its `distance` is along the "ray" or "perpendicular" to the chip.
 
     Raises
     ------
@@ -43,6 +44,8 @@ class Sensor:
     late_tilt_deg: tuple[float, ...] | None = None
     late_bias_m: tuple[float, ...] | None = None
     late_scatter_m: tuple[float, ...] | None = None
+    off_axis_deg: float = 0.0
+    distance: str = "ray"
 
     def __post_init__(self) -> None:
         described(self, "sensor", "sf.Sensor")

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from surfuse.beam_model.echo.detector import DetectorModel
-from surfuse.beam_model.map.estimate import estimate_map
+from surfuse.beam_model.light.every_kind import map_of_every_kind
 from surfuse.beam_model.map.live import LiveMap
 from surfuse.confidence.gate import GateParameters
 from surfuse.errors import ConfigError, DataError
@@ -99,6 +99,6 @@ def create(parameters: Parameters) -> FusionMethod:
     """The method with these parameters; the point of a stop is the median of its valid readings."""
 
     def mapped(scene: FusionScene, readings: Readings, points: FusedPoints, grid: MapGrid) -> SurfaceMap:
-        return estimate_map(scene, readings, grid, parameters.detector, parameters.edge_price)
+        return map_of_every_kind(scene, readings, grid, parameters.detector, parameters.edge_price)
 
     return BeamFusion("beam", medians(GateParameters()), mapped, parameters)

@@ -36,7 +36,7 @@ class Gap(IntEnum):
 
 
 class Regime(IntEnum):
-    """What the value of a map cell rests on."""
+    """What the value of a map cell rests on; RAY: light or contact, which measure where their axis ends."""
 
     EMPTY = 0
     MEASURED = 1
@@ -44,3 +44,4 @@ class Regime(IntEnum):
     SPECKLE = 3
     EDGE = 4
     PRIOR = 5
+    RAY = 6

@@ -35,6 +35,7 @@ REGIME_LABELS = {
     Regime.SPECKLE: "speckle",
     Regime.EDGE: "beside an edge",
     Regime.PRIOR: "prior only, not measured",
+    Regime.RAY: "light or touch",
 }
 REGIME_MEANINGS = {
     Regime.EMPTY: "No value.",
@@ -43,6 +44,7 @@ REGIME_MEANINGS = {
     Regime.SPECKLE: "Heard as scattered sound of a tilted patch, which comes late and scatters by millimetres.",
     Regime.EDGE: "Only the wave of a rim touches the cell: it tells where the rim is, less how high the cell lies.",
     Regime.PRIOR: "No reading holds the cell: its surroundings are continued. Hatched, grey or dotted, never measured.",
+    Regime.RAY: "Read by light or contact where the axis of the sensor ends: direct, as sharp as its spot or zone.",
 }
 REGIME_COLOURS = {
     Regime.EMPTY: "eef1f4",
@@ -51,6 +53,7 @@ REGIME_COLOURS = {
     Regime.SPECKLE: "e69f00",
     Regime.EDGE: "cc79a7",
     Regime.PRIOR: "999999",
+    Regime.RAY: "56b4e9",
 }
 
 

@@ -8,10 +8,11 @@ import numpy as np
 
 from surfuse.geometry.poses import FloatArray, inverse, transform_points
 from surfuse.records import IntArray, ReadingColumns, Readings, SensorSpec, Status
-from surfuse.runs.range_correction import RangeCorrection, corrected_m, correction_note, corrects
+from surfuse.runs.range_correction import RangeCorrection, corrected_m, correction_note, corrects, shifts
 from surfuse.runs.scan_log import ScanLog
 from surfuse.runs.side_files import GivenPart
 from surfuse.runs.sweep_grouping import estimate_part_frame, grip_poses, group_by_repeat, row_numbers, sweep_means
+from surfuse.runs.zone_distance import contradicted
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +84,9 @@ def _corrected(single: SingleReadings, warnings: list[str], sensors_name: str) -
     """Ranges (N,) with the calibration of their sensors taken out; what is no number stays what it is."""
     columns = single.columns
     if not corrects(single.corrections):
+        return columns.range_m
+    warnings += contradicted(columns.position_m, columns.axis, columns.range_m, columns.sensor, single.corrections)
+    if not shifts(single.corrections):
         return columns.range_m
     warnings.append(correction_note(sensors_name, single.corrections))
     return corrected_m(columns.range_m, columns.sensor, single.corrections)

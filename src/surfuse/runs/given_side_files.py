@@ -10,10 +10,11 @@ import numpy as np
 from surfuse.errors import DataError, nearest
 from surfuse.geometry.poses import FloatArray, inverse, transform_points
 from surfuse.records import Outline
-from surfuse.runs.range_correction import RangeCorrection, corrected_m, correction_note, corrects
+from surfuse.runs.range_correction import RangeCorrection, corrected_m, correction_note, corrects, shifts
 from surfuse.runs.scan_log import ScanLog
 from surfuse.runs.side_files import read_corrections, read_frame, read_outline, read_sensors
 from surfuse.runs.sweep_grouping import row_numbers
+from surfuse.runs.zone_distance import contradicted
 
 _PARALLEL = 1e-9
 
@@ -48,6 +49,10 @@ def _with_sensors(scan: ScanLog, path: Path) -> ScanLog:
     warnings = [f"{path.name} corrects {len(given)} of {len(names)} sensors"]
     readings = replace(scan.readings, specs=tuple(given.get(spec.name, spec) for spec in scan.readings.specs))
     if corrects(corrections):
+        warnings += contradicted(
+            readings.position_m, readings.axis, readings.range_m, readings.sensor, tuple(corrections)
+        )
+    if shifts(corrections):
         range_m = corrected_m(readings.range_m, readings.sensor, corrections)
         readings, note = replace(readings, range_m=range_m), correction_note(path.name, corrections)
         warnings.append(note)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,6 +33,12 @@ KEYS_OF_0_1_0 = (
 )
 """The keys of a table that version 0.1.0 knew; it took offset and scale the other way round."""
 
+ALONG, PERPENDICULAR = "ray", "perpendicular"
+"""What a zone's number is: the distance along its own direction, or perpendicular to the face of the chip."""
+
+ZONE_KEYS = ("off_axis_deg", "distance")
+MOST_OFF_AXIS_DEG = 60.0
+
 _SCALE_LIMITS = (0.5, 2.0)
 
 
@@ -39,17 +46,26 @@ _SCALE_LIMITS = (0.5, 2.0)
 class RangeCorrection:
     """Calibration of a sensor's ranges: true range = scale x reading + offset_m.
 
-    `by_age` : nobody said which way round the file means them, and its keys are those of version 0.1.0.
+    A zone looks `off_axis_rad` beside the axis of its chip; `perpendicular` says that its distance is measured along
+    that axis and not along the zone. `by_age` : nobody said which way round the file means offset and scale, and its
+    keys are those of version 0.1.0.
     """
 
     offset_m: float = 0.0
     scale: float = 1.0
+    off_axis_rad: float = 0.0
+    perpendicular: bool = False
     by_age: bool = field(default=False, compare=False)
 
     @property
     def inverse(self) -> RangeCorrection:
         """The other way round: offset and scale with which the sensor makes a reading of a true range."""
-        return RangeCorrection(-self.offset_m / self.scale, 1.0 / self.scale)
+        return replace(self, offset_m=-self.offset_m / self.scale, scale=1.0 / self.scale)
+
+    @property
+    def stretch(self) -> float:
+        """The distance along the zone over what it measures."""
+        return 1.0 / math.cos(self.off_axis_rad) if self.perpendicular else 1.0
 
 
 def correction_of(table: Mapping[str, object], where: str) -> RangeCorrection:
@@ -67,27 +83,44 @@ def correction_of(table: Mapping[str, object], where: str) -> RangeCorrection:
     low, high = _SCALE_LIMITS
     if not low <= scale <= high:
         raise ConfigError(f"scale = {scale:g}", where=where, cure=f"give a factor near 1, from {low:g} to {high:g}")
-    typed, way = RangeCorrection(offset_m, scale), table.get(CORRECTION_KEY)
+    typed, way = RangeCorrection(offset_m, scale, *_zone(table, where)), table.get(CORRECTION_KEY)
     if way is None:
         old = set(table) <= set(KEYS_OF_0_1_0) and typed != RangeCorrection()
-        turned = typed.inverse
-        return RangeCorrection(turned.offset_m, turned.scale, by_age=True) if old else typed
+        return replace(typed.inverse, by_age=True) if old else typed
     if way not in (READING_TO_TRUE, TRUE_TO_READING):
         cure = nearest(str(way), (READING_TO_TRUE, TRUE_TO_READING))
         raise ConfigError(f"{CORRECTION_KEY} = {way!r}", where=where, cure=cure)
     return typed if way == READING_TO_TRUE else typed.inverse
 
 
+def _zone(table: Mapping[str, object], where: str) -> tuple[float, bool]:
+    """How far (rad) a zone looks beside the axis of its chip, and whether it measures perpendicular to it."""
+    off_axis_deg, distance = number(table, "off_axis_deg", where, 0.0), table.get("distance", ALONG)
+    if not 0.0 <= off_axis_deg <= MOST_OFF_AXIS_DEG:
+        raise ConfigError(
+            f"off_axis_deg = {off_axis_deg:g}", where=where, cure=f"give 0 to {MOST_OFF_AXIS_DEG:g}: zone to chip axis"
+        )
+    if distance not in (ALONG, PERPENDICULAR):
+        raise ConfigError(f"distance = {distance!r}", where=where, cure=f'write "{ALONG}" or "{PERPENDICULAR}"')
+    return math.radians(off_axis_deg), distance == PERPENDICULAR
+
+
 def corrected_m(range_m: FloatArray, sensor: IntArray, corrections: Sequence[RangeCorrection]) -> FloatArray:
     """True ranges (N,) of readings (N,) of sensors (N,); what is no number stays what it is."""
     offset = np.array([one.offset_m for one in corrections])[sensor]
     scale = np.array([one.scale for one in corrections])[sensor]
-    return np.asarray(scale * range_m + offset, dtype=np.float64)
+    stretch = np.array([one.stretch for one in corrections])[sensor]
+    return np.asarray(stretch * (scale * range_m + offset), dtype=np.float64)
 
 
 def corrects(corrections: Sequence[RangeCorrection]) -> bool:
-    """Whether any of them changes a range."""
+    """Whether any of them says anything of the ranges."""
     return any(one != RangeCorrection() for one in corrections)
+
+
+def shifts(corrections: Sequence[RangeCorrection]) -> bool:
+    """Whether any of them changes a range."""
+    return any(one.offset_m != 0.0 or one.scale != 1.0 or one.stretch != 1.0 for one in corrections)
 
 
 def correction_note(name: str, corrections: Sequence[RangeCorrection]) -> str:

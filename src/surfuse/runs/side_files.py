@@ -16,13 +16,13 @@ from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.poses import FloatArray, frame_from_axes
 from surfuse.records import LateTable, Outline, SensorSpec
 from surfuse.runs.log_files import read_whole
-from surfuse.runs.range_correction import CORRECTION_KEY, KEYS_OF_0_1_0, RangeCorrection, correction_of
+from surfuse.runs.range_correction import CORRECTION_KEY, KEYS_OF_0_1_0, ZONE_KEYS, RangeCorrection, correction_of
 from surfuse.runs.toml_file import number, read_toml, refuse_unknown, vector
 
 METRES_LIMIT = 50.0
 """Positions and ranges beyond this are taken for millimetres and refused."""
 
-SENSOR_KEYS = (*KEYS_OF_0_1_0, CORRECTION_KEY)
+SENSOR_KEYS = (*KEYS_OF_0_1_0, CORRECTION_KEY, *ZONE_KEYS)
 _LATE_KEYS = ("late_tilt_deg", "late_bias_m", "late_scatter_m")
 
 
