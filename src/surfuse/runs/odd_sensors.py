@@ -15,7 +15,7 @@ LEAST_READINGS = 8
 _SAME_M = 1e-9
 _MOVED_M = 1e-3  # a sensor that stays where it is may well hear the same
 _MOST_NAMED = 6  # the zones of one chip are sensors of their own: 64 sentences would hide all others
-_WORDS = ((Status.NO_ECHO, "no echo"), (Status.TOO_CLOSE, "too close"), (Status.FAULT, "fault"))
+_WORDS = ((Status.NO_ECHO, "no echo"), (Status.TOO_CLOSE, "too close"), (Status.FAULT, "fault or no answer"))
 
 
 @dataclass
