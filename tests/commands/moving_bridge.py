@@ -1,7 +1,8 @@
 """A bridge whose arm is moved by somebody else, over the plane z = 0.4 x, in a time of its own: 50 ms a question.
 
-Run: python moving_bridge.py [dies N] [waits S] [shakes] [guided] - `dies` ends at question N, `waits` takes S seconds
-of real time a sweep, `shakes` throws the tool about, `guided` is an arm that surfuse could move, too.
+Run: python moving_bridge.py [dies N] [waits S] [shakes] [deaf] [guided] - `dies` ends at question N, `waits` takes S
+seconds of real time a sweep, `shakes` throws the tool about, with `deaf` 'us1' hears nothing, `guided` is an arm that
+surfuse could move, too.
 """
 
 import json
@@ -40,6 +41,7 @@ def range_of(name, t_s):
 
 def main():
     t_s, last = 0.0, number("dies", math.inf)
+    deaf = ("us1",) if "deaf" in sys.argv else ()
     arm = {"kind": "cartesian"} if "guided" in sys.argv else None
     for count, text in enumerate(sys.stdin):
         if count >= last:
@@ -62,6 +64,8 @@ def main():
                     "range_m": range_of(name, taken[name] + late[name]),
                     "status": "ok",
                 }
+                if name not in deaf
+                else {"sensor": name, "t_s": taken[name], "range_m": None, "status": "no_echo"}
                 for name in ask.get("sensors", SENSORS)
             ]
         print(json.dumps(answer), flush=True)

@@ -15,7 +15,7 @@ from surfuse.commands.acquire.dry_run import dry_run
 from surfuse.commands.acquire.planning import obstacles
 from surfuse.commands.maps.report import content_of
 from surfuse.commands.outcome import SilentWatcher
-from surfuse.errors import DataError, SafetyStopError
+from surfuse.errors import ConfigError, DataError, SafetyStopError
 from surfuse.geometry.poses import pose
 from surfuse.rig.area import outline_of
 from surfuse.rig.assembled import assembled
@@ -195,6 +195,20 @@ def test_a_part_as_tall_as_the_standoff_is_warned_of_and_not_walled_off(tmp_path
         ).summary
     assert found["stops"] == 35
     assert any("area.tallest_m = 0.3 leaves 0 mm" in warning for warning in found["warnings"])
+
+
+def test_a_part_that_is_taller_than_the_standoff_is_refused_before_anything_moves(tmp_path):
+    with Rig(tmp_path, arm_text()) as rig:
+        settings = rig.settings(tallest="0.31", sensor="position_m = [0, 0, 0.03]\n")
+        for command in (
+            lambda: dry_run(settings, None, SilentWatcher()),
+            lambda: acquire(settings, tmp_path / "run", SilentWatcher(), yes=True),
+        ):
+            with pytest.raises(ConfigError, match=r"area\.tallest_m = 0\.31 is above scan\.standoff_m = 0\.3") as told:
+                command()
+            assert "standoff above 0.34" in told.value.cure
+        assert not rig.rig.moves
+    assert not (tmp_path / "run").exists()
 
 
 class SeenRig(table.BoxRig):

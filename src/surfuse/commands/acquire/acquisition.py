@@ -18,7 +18,7 @@ from surfuse.commands.acquire.job import Job
 from surfuse.commands.acquire.locating import LocatedPart, finder
 from surfuse.commands.acquire.looking import PlacedPart, look_for_part
 from surfuse.commands.acquire.planning import plan_for, scene_of
-from surfuse.commands.acquire.results import Finished, Scanned, bus_event, finish, outcome_of, statuses
+from surfuse.commands.acquire.results import Finished, Scanned, bus_event, doubts_of_readings, finish, outcome_of
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
 from surfuse.commands.acquire.walking import refuse_empty, walk
 from surfuse.commands.acquire.warm_up import wait_for, warm_up_beside
@@ -38,7 +38,6 @@ from surfuse.runs.log_records import Level, LogEvent
 from surfuse.runs.log_writer import LogWriter
 from surfuse.runs.progress import ScanProgress, read_progress
 from surfuse.runs.recorded_log import is_recorded
-from surfuse.runs.scan_log import few_echoes
 from surfuse.settings import Settings, from_tree
 
 
@@ -177,9 +176,9 @@ def _acquire(run: RunFolder, job: Job, warm_up: Popen[bytes] | None) -> Finished
             log.append_event(trouble)
         complete = walked.complete(plan)
         refuse_empty(walked)
-        if complete and (doubt := few_echoes(statuses(walked.in_order()))) is not None:
-            _tell(rig, log, watcher, "readings", doubt)
         if complete:
+            for doubt in doubts_of_readings(rig.specs, walked.in_order()):
+                _tell(rig, log, watcher, "readings", doubt)
             wait_for(warm_up, watcher)
     return finish(run, job, Scanned(walked.state, scene, plan, walked.in_order(), complete))
 

@@ -32,6 +32,7 @@ from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_files import segment_paths
 from surfuse.runs.log_records import Level, LogEvent
 from surfuse.runs.log_writer import LogWriter
+from surfuse.runs.odd_sensors import HeardOfSensors
 from surfuse.runs.recorded_log import RECORDED
 from surfuse.settings import Settings
 
@@ -134,7 +135,7 @@ def _record(run: RunFolder, rig: Rig, settings: Settings, lookers: _Lookers) -> 
         log.append_scene(scene)
         log.append_event(LogEvent(rig.clock.now_s(), Level.INFO, RECORDED, "somebody else moves the arm"))
         log_clock(rig, log)
-        tally = Tally(time.monotonic(), _covered(rig, settings, scene))
+        tally = Tally(time.monotonic(), _covered(rig, settings, scene), HeardOfSensors(rig.specs))
         watcher.stage("record")
         try:
             hooks = _hooks(log, tally, lookers, lookers.shown(settings, scene))
@@ -146,6 +147,8 @@ def _record(run: RunFolder, rig: Rig, settings: Settings, lookers: _Lookers) -> 
         if (text := _left_out(tally)) is not None:
             log.append_event(LogEvent(rig.clock.now_s(), Level.WARN, "readings", text))
             watcher.warn(text)
+        for odd in tally.heard.sentences():  # the user is told of them when the log is opened for its map
+            log.append_event(LogEvent(rig.clock.now_s(), Level.WARN, "readings", odd))
     return tally
 
 
@@ -174,6 +177,7 @@ def _hooks(log: LogWriter, tally: Tally, lookers: _Lookers, shown: ShownRecordin
         log.append_sweep(sweep)
         tally.sweeps += 1
         tally.covered.take(sweep)
+        tally.heard.take(sweep)
         watcher.advance()
         lookers.show(tally)
         shown.take(sweep)

@@ -26,6 +26,7 @@ from surfuse.records import (
     Sweep,
     readings_from_sweeps,
 )
+from surfuse.runs.odd_sensors import HeardOfSensors
 from surfuse.runs.recorded_log import estimated_frame, usual_step_m
 from surfuse.settings import Settings
 
@@ -80,6 +81,7 @@ class Tally:
 
     began_s: float
     covered: Covered
+    heard: HeardOfSensors
     sweeps: int = 0
     left_out: int = 0
     most_off_m: float = 0.0

@@ -20,10 +20,11 @@ from surfuse.commands.outcome import Outcome, finite
 from surfuse.errors import DataError
 from surfuse.exporters import nc
 from surfuse.plan.margin import margin_in_words
-from surfuse.records import FusionScene, Gap, IntArray, Outline, ScanPlan, SurfaceMap, Sweep
+from surfuse.records import FusionScene, Gap, Outline, ScanPlan, SensorSpec, SurfaceMap, Sweep
 from surfuse.rig.devices import Rig, Truth
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
+from surfuse.runs.odd_sensors import HeardOfSensors
 from surfuse.runs.scan_log import few_echoes
 from surfuse.settings import Settings
 from surfuse.surface.gridding import lattice
@@ -84,9 +85,8 @@ def finish(run: RunFolder, job: Job, scanned: Scanned) -> Finished:
     surface = surface_of(result, grid, job.method.name, scanned.scene.outline)
     nc.write(run.surface, surface, overwrite=True, points=result.points)
     job.observer.finished(surface)
-    few = few_echoes(statuses(sweeps))
     doubted = doubts(job.settings, job.rig.specs, plan)
-    data["warnings"] = [*job.rig.warnings, *doubted, *([] if few is None else [few])]
+    data["warnings"] = [*job.rig.warnings, *doubted, *doubts_of_readings(job.rig.specs, sweeps)]
     gaps = int((result.points.gap != int(Gap.NONE)).sum())
     rows = []
     if job.rig.truth is not None:
@@ -143,9 +143,13 @@ def _write(run: RunFolder, job: Job, data: dict[str, object]) -> None:
     write_report(run, run.report, overwrite=True)
 
 
-def statuses(sweeps: Sequence[Sweep]) -> IntArray:
-    """Status (N,) of all readings."""
-    return np.concatenate([sweep.status for sweep in sweeps]) if sweeps else np.zeros(0, dtype=np.int64)
+def doubts_of_readings(specs: Sequence[SensorSpec], sweeps: Sequence[Sweep]) -> tuple[str, ...]:
+    """A sentence for everything that is odd about the readings of a scan: few echoes, dead and stuck sensors."""
+    heard = HeardOfSensors(specs)
+    for sweep in sweeps:
+        heard.take(sweep)
+    few = few_echoes(np.concatenate([sweep.status for sweep in sweeps])) if sweeps else None
+    return (*([] if few is None else [few]), *heard.sentences())
 
 
 def _margin_row(settings: Settings, scene: FusionScene, plan: ScanPlan) -> list[tuple[str, str]]:

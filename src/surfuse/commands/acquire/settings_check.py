@@ -20,12 +20,13 @@ _NEARER_M = 0.02  # an edge this much nearer than the part cannot be taken for i
 
 
 def refuse_contradictions(settings: Settings, specs: Sequence[SensorSpec]) -> None:
-    """Refuse a standoff at which a sensor of the array hears nothing.
+    """Refuse a standoff at which a sensor of the array hears nothing, or a real arm would run into the part.
 
     Raises
     ------
-    ConfigError : the standoff is outside of what a sensor can hear.
+    ConfigError : the standoff is outside of what a sensor can hear, or below the tallest point of the part.
     """
+    _refuse_taller(settings)
     standoff_m = settings.scan.standoff_m
     for spec in specs:
         what = f"scan.standoff_m = {standoff_m:g}, but '{spec.name}' hears nothing"
@@ -58,10 +59,28 @@ def doubts(settings: Settings, specs: Sequence[SensorSpec], plan: ScanPlan) -> t
     return tuple(found)
 
 
+def _refuse_taller(settings: Settings) -> None:
+    """Refuse a part that stands higher than the sensors of a real arm travel; a record moves nothing."""
+    name, tallest_m = _named_tallest(settings)
+    standoff_m = settings.scan.standoff_m
+    if tallest_m is None or tallest_m <= standoff_m or not settings.arm.is_real or settings.arm.is_played_back:
+        return
+    raise ConfigError(
+        f"{name}.tallest_m = {tallest_m:g} is above scan.standoff_m = {standoff_m:g}: the sensors would be driven "
+        "through the part",
+        cure=f"give a standoff above {tallest_m + _ROOM_M:.2f}, or correct {name}.tallest_m if the part is lower",
+    )
+
+
+def _named_tallest(settings: Settings) -> tuple[str, float | None]:
+    """The table that says how high the part stands over its plane, and what it says in m."""
+    area = settings.area
+    return ("search", settings.search.tallest_m) if area is None else ("area", area.tallest_m)
+
+
 def _tallest(settings: Settings) -> list[str]:
     """Of a real rig: what stands in the way of the sensors where they travel."""
-    area = settings.area
-    name, tallest_m = ("search", settings.search.tallest_m) if area is None else ("area", area.tallest_m)
+    name, tallest_m = _named_tallest(settings)
     if tallest_m is None or tallest_m < settings.scan.standoff_m - _ROOM_M:
         return []
     return [

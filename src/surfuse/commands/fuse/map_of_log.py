@@ -12,6 +12,7 @@ from surfuse.errors import DataError
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FusionResult, MapGrid, Status, SurfaceMap
+from surfuse.runs.odd_sensors import odd_sensors
 from surfuse.runs.scan_log import ScanLog, few_echoes, require_echoes
 from surfuse.runs.scan_source import LogSource
 from surfuse.surface.gridding import lattice
@@ -51,7 +52,8 @@ def opened(source: LogSource, watcher: Watcher) -> ScanLog:
     scan = source.load()
     require_echoes(scan.readings, str(source.log))
     few = few_echoes(scan.readings.status)
-    scan = scan if few is None else replace(scan, warnings=(*scan.warnings, few))
+    odd = (*([] if few is None else [few]), *odd_sensors(scan.readings))
+    scan = replace(scan, warnings=(*scan.warnings, *odd))
     for warning in scan.warnings:
         watcher.warn(warning)
     return scan

@@ -15,7 +15,7 @@ from surfuse.commands.acquire.planning import plan_for, scene_of
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
 from surfuse.commands.acquire.warm_up import compile_fusion
 from surfuse.commands.fuse.methods import create_method
-from surfuse.commands.machine.checks import Check
+from surfuse.commands.machine.checks import HEARS_NOTHING, Check
 from surfuse.commands.machine.first_contact import first_contact
 from surfuse.commands.outcome import Outcome, SilentWatcher
 from surfuse.errors import SurfuseError
@@ -43,9 +43,18 @@ def doctor(rig: Path | None, assignments: list[str]) -> Outcome:
     problems = [name for name, _, good in checks if not good]
     missing = ", ".join(extra.name for extra in EXTRAS if extra.missing)
     well = f"all is well; extras that are not installed: {missing}" if missing else "all is well"
-    rows.append(("result", f"{len(problems)} problems: {', '.join(problems)}" if problems else well))
+    result = f"{len(problems)} problems: {', '.join(problems)}" if problems else well
+    rows.append(("result", result + _silence([name for name, text, _ in checks if text.startswith(HEARS_NOTHING)])))
     data: dict[str, object] = {name: {"text": text, "good": good} for name, text, good in checks}
     return Outcome({"checks": data, "problems": problems}, rows)
+
+
+def _silence(sensors: list[str]) -> str:
+    """What the result adds of sensors that hear nothing; that is right only where nothing is before them."""
+    if not sensors:
+        return ""
+    count = f"{len(sensors)} sensor{'s' if len(sensors) > 1 else ''} heard nothing ({', '.join(sensors)})"
+    return f"; but {count}: hold something before them within their range and look again"
 
 
 def _packages() -> list[Check]:

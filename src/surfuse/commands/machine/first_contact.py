@@ -9,7 +9,7 @@ import numpy as np
 
 from surfuse.acquisition.station import take_sweep
 from surfuse.arms.bridge import BridgeArm
-from surfuse.commands.machine.checks import Check
+from surfuse.commands.machine.checks import HEARS_NOTHING, Check
 from surfuse.commands.machine.first_picture import camera_checks
 from surfuse.errors import ConfigError, SafetyStopError, SurfuseError
 from surfuse.records import FloatArray, Status, Sweep, ToolState
@@ -105,7 +105,7 @@ def _sensor(rig: Rig, sweep: Sweep, number: int) -> Check:
     limits = f"{spec.kind}, {spec.range_min_m:g} to {spec.range_max_m:g} m"
     if status is Status.OK:
         return (spec.name, f"{sweep.range_m[number]:.4f} m ({limits})", True)
-    words = {Status.NO_ECHO: "hears nothing", Status.TOO_CLOSE: "something is too close", Status.FAULT: "no answer"}
+    words = {Status.NO_ECHO: HEARS_NOTHING, Status.TOO_CLOSE: "something is too close", Status.FAULT: "no answer"}
     return (spec.name, f"{words[status]} ({limits})", status is not Status.FAULT)
 
 

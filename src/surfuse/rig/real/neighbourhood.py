@@ -37,7 +37,7 @@ def part_and_table(settings: Settings, outline: Outline) -> tuple[Obstacle, ...]
 def part_height_m(settings: Settings) -> float:
     """How far the part stands out of the scanned plane at most, but for what would reach the sensors.
 
-    Sensors that travel through the part are the plan's business and warned of there.
+    A part that reaches the sensors is refused, or warned of, when the settings are checked.
     """
     standoff_m = settings.scan.standoff_m
     tallest_m = settings.search.tallest_m if settings.area is None else settings.area.tallest_m
