@@ -18,7 +18,7 @@ from surfuse.commands.acquire.job import Job
 from surfuse.commands.acquire.locating import LocatedPart, finder
 from surfuse.commands.acquire.looking import PlacedPart, look_for_part
 from surfuse.commands.acquire.planning import plan_for, scene_of
-from surfuse.commands.acquire.results import Finished, Scanned, bus_event, finish, outcome_of, statuses
+from surfuse.commands.acquire.results import Finished, Scanned, bus_event, faulty, finish, outcome_of, statuses
 from surfuse.commands.acquire.settings_check import doubts, refuse_contradictions
 from surfuse.commands.acquire.walking import refuse_empty, walk
 from surfuse.commands.acquire.warm_up import wait_for, warm_up_beside
@@ -136,15 +136,18 @@ def _complete(run: RunFolder) -> Outcome:
 def _resumable(run: RunFolder) -> Iterator[None]:
     """Say how to go on when the user stops the acquisition at once, or a device or the arm's supervision does."""
     go_on = f"go on with 'surfuse resume {run.path}'"
+
+    def on_disk() -> str:
+        return "what was scanned is on disk, " if read_progress(run.path) is not None else ""
+
     try:
         yield
     except KeyboardInterrupt as error:
         raise InterruptError("interrupted; what was scanned is on disk", cure=go_on) from error
     except InterruptError as error:
-        raise InterruptError(error.what, cure=go_on) from error
+        raise InterruptError(error.what, cure=on_disk() + go_on) from error
     except (SafetyStopError, DeviceError) as error:
-        kept = f"what was scanned is on disk, {go_on}" if read_progress(run.path) is not None else f"then {go_on}"
-        cure = f"{error.cure}; {kept}"
+        cure = f"{error.cure}; {on_disk() or 'then '}{go_on}"
         raise type(error)(error.what, cure=cure.removeprefix("; "), where=error.where) from error
 
 
@@ -177,11 +180,12 @@ def _acquire(run: RunFolder, job: Job, warm_up: Popen[bytes] | None) -> Finished
             log.append_event(trouble)
         complete = walked.complete(plan)
         refuse_empty(walked)
-        if complete and (doubt := few_echoes(statuses(walked.in_order()))) is not None:
+        sweeps = walked.in_order()
+        if complete and (doubt := few_echoes(statuses(sweeps), faulty(sweeps, scene))) is not None:
             _tell(rig, log, watcher, "readings", doubt)
         if complete:
             wait_for(warm_up, watcher)
-    return finish(run, job, Scanned(walked.state, scene, plan, walked.in_order(), complete))
+    return finish(run, job, Scanned(walked.state, scene, plan, sweeps, complete))
 
 
 def _begin(progress: ScanProgress | None, job: Job, log: LogWriter) -> tuple[FusionScene, ScanPlan, tuple[Sweep, ...]]:

@@ -24,7 +24,7 @@ from surfuse.records import FusionScene, Gap, IntArray, Outline, ScanPlan, Surfa
 from surfuse.rig.devices import Rig, Truth
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
-from surfuse.runs.scan_log import few_echoes
+from surfuse.runs.scan_log import faulty_sensors, few_echoes, look_at
 from surfuse.settings import Settings
 from surfuse.surface.gridding import lattice
 from surfuse.surface.score import score
@@ -84,7 +84,8 @@ def finish(run: RunFolder, job: Job, scanned: Scanned) -> Finished:
     surface = surface_of(result, grid, job.method.name, scanned.scene.outline)
     nc.write(run.surface, surface, overwrite=True, points=result.points)
     job.observer.finished(surface)
-    few = few_echoes(statuses(sweeps))
+    broken = faulty(sweeps, scanned.scene)
+    few = few_echoes(statuses(sweeps), broken)
     doubted = doubts(job.settings, job.rig.specs, plan)
     data["warnings"] = [*job.rig.warnings, *doubted, *([] if few is None else [few])]
     gaps = int((result.points.gap != int(Gap.NONE)).sum())
@@ -104,7 +105,9 @@ def finish(run: RunFolder, job: Job, scanned: Scanned) -> Finished:
         raise DataError(
             f"the scan is complete, but none of its {len(sweeps)} stops gave a value",
             where=str(run.path),
-            cure="the report says why; check scan.standoff_m, the kit's settings and how the part stands",
+            cure=look_at(broken)
+            if broken
+            else "the report says why; check scan.standoff_m, the kit's settings and how the part stands",
         )
     return Finished(data, rows, complete=True)
 
@@ -146,6 +149,12 @@ def _write(run: RunFolder, job: Job, data: dict[str, object]) -> None:
 def statuses(sweeps: Sequence[Sweep]) -> IntArray:
     """Status (N,) of all readings."""
     return np.concatenate([sweep.status for sweep in sweeps]) if sweeps else np.zeros(0, dtype=np.int64)
+
+
+def faulty(sweeps: Sequence[Sweep], scene: FusionScene) -> tuple[str, ...]:
+    """Names of the sensors that reported nothing but faults."""
+    sensor = np.concatenate([sweep.sensor for sweep in sweeps]) if sweeps else np.zeros(0, dtype=np.int64)
+    return faulty_sensors(statuses(sweeps), sensor, [spec.name for spec in scene.specs])
 
 
 def _margin_row(settings: Settings, scene: FusionScene, plan: ScanPlan) -> list[tuple[str, str]]:

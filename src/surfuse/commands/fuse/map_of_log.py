@@ -12,7 +12,7 @@ from surfuse.errors import DataError
 from surfuse.geometry.poses import inverse, transform_points
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FusionResult, MapGrid, Status, SurfaceMap
-from surfuse.runs.scan_log import ScanLog, few_echoes, require_echoes
+from surfuse.runs.scan_log import ScanLog, faulty_sensors, few_echoes, require_echoes
 from surfuse.runs.scan_source import LogSource
 from surfuse.surface.gridding import lattice
 from surfuse.surface.resample import thinned
@@ -50,7 +50,9 @@ def opened(source: LogSource, watcher: Watcher) -> ScanLog:
     """A log that can be fused; what was odd about it is told."""
     scan = source.load()
     require_echoes(scan.readings, str(source.log))
-    few = few_echoes(scan.readings.status)
+    readings = scan.readings
+    names = [spec.name for spec in readings.specs]
+    few = few_echoes(readings.status, faulty_sensors(readings.status, readings.sensor, names))
     scan = scan if few is None else replace(scan, warnings=(*scan.warnings, few))
     for warning in scan.warnings:
         watcher.warn(warning)
