@@ -13,7 +13,7 @@ from surfuse.bridge.fields import Fields
 from surfuse.bridge.messages import PROTOCOL_VERSION, Hello, Question
 from surfuse.bridge.patience import ASKED_AGAIN, Patience
 from surfuse.bridge.questions import encode_question
-from surfuse.bridge.refusals import GarbledError, RefusedError, error_of
+from surfuse.bridge.refusals import GarbledError, RefusedError, error_of, no_bridge
 from surfuse.bridge.strict_json import (
     IMAGE_LIMIT_BYTES,
     LINE_LIMIT_BYTES,
@@ -21,7 +21,6 @@ from surfuse.bridge.strict_json import (
     decode_line,
     encode_line,
     in_a_sentence,
-    shown,
 )
 from surfuse.bridge.transport import ClosedError, SilenceError, Transport
 from surfuse.errors import DataError, DeviceError
@@ -35,10 +34,6 @@ _CURES = {
     Question.SWEEP: "check that the bridge still runs; where its sensors are slow, give their "
     "firing_time_s, or a longer arm.sweep_timeout_s"
 }
-
-
-class NoBridgeError(DeviceError):
-    """Something else answers where the bridge was looked for."""
 
 
 @dataclass
@@ -68,7 +63,7 @@ class Conversation:
         self._number = 0
         self._connected = False
         self._lost: DeviceError | None = None
-        self._no_bridge: NoBridgeError | None = None
+        self._no_bridge: DeviceError | None = None
         self._hello: Hello | None = None
         self.sent_s = -math.inf
         self.tally = Tally()
@@ -187,11 +182,7 @@ class Conversation:
             return Fields(decode_line(line))
         except DataError:
             if self._hello is None and self._no_bridge is None and self._transport.can_reopen:
-                self._no_bridge = NoBridgeError(
-                    f"what answers there is no bridge: it said {shown(line)}",
-                    where=self.where,
-                    cure="check the port: something else listens there; start the bridge on a port of its own",
-                )
+                self._no_bridge = no_bridge(line, self.where)
             raise
 
     def ensure_connected(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from surfuse.bridge.fields import Fields
 from surfuse.bridge.messages import Question, Refusal
-from surfuse.bridge.strict_json import Json, cleaned, in_a_sentence
+from surfuse.bridge.strict_json import Json, cleaned, in_a_sentence, shown
 from surfuse.errors import (
     ConfigError,
     DataError,
@@ -25,6 +25,15 @@ class RefusedError(DeviceError):
 
 class GarbledError(DeviceError):
     """An answer that makes no sense."""
+
+
+def no_bridge(line: bytes, where: str) -> DeviceError:
+    """Another program answers where the bridge was looked for, with this line."""
+    return DeviceError(
+        f"what answers there is no bridge: it said {shown(line)}",
+        where=where,
+        cure="check the port: something else listens there; start the bridge on a port of its own",
+    )
 
 
 def error_of(answer: Fields, question: Question, where: str) -> SurfuseError:
