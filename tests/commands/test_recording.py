@@ -157,6 +157,8 @@ def test_a_bridge_that_dies_leaves_everything_on_disk(tmp_path):
     with pytest.raises(DeviceError, match="surfuse fuse") as told:
         record_run(settings.load(cell(tmp_path, "dies", 80)), tmp_path / "run", Until(1000))
     assert told.value.exit_status == 4
+    assert "or start another recording" in str(told.value)
+    assert "resume" not in str(told.value)
     log = read_log(tmp_path / "run")
     # One question a sweep and one a state, after the greeting and the clock.
     assert len(log.sweeps) >= 30

@@ -16,7 +16,7 @@ from surfuse.geometry.poses import pose
 from surfuse.records import Outline, ScanPlan, Status
 from surfuse.rig.description import square_fixture, sweep_time
 from surfuse.rig.devices import JointMotion, Rig, SmoothMotion
-from surfuse.runs.scan_log import few_echoes
+from surfuse.runs.scan_log import faulty_sensors, few_echoes
 from surfuse.settings import load
 from surfuse.settings.changes import changed
 
@@ -170,3 +170,13 @@ def test_only_what_differs_from_the_defaults_is_changed():
     assert unused(load(None, ["bus.interface=slcan", "bus.port=4000"])) == (
         "bus.port has no effect with bus.interface = 'slcan'",
     )
+
+
+def test_sensors_that_report_only_faults_are_named():
+    ok, none, fault = int(Status.OK), int(Status.NO_ECHO), int(Status.FAULT)
+    status, sensor = np.array([fault, none, fault, fault, fault, ok]), np.array([0, 1, 2, 0, 1, 2])
+    broken = faulty_sensors(status, sensor, ["left", "middle", "right", "unheard"])
+    assert broken == ("left",)
+    told = few_echoes(status, broken)
+    assert told.endswith("'left' reported 'fault' in every reading: check its supply, its wiring and its program")
+    assert "distance" not in told

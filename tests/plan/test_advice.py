@@ -17,7 +17,7 @@ from surfuse.motion.clearance import ClearanceModel
 from surfuse.motion.obstacles import Floor, RingTable, part_box
 from surfuse.plan.advice import PartMove, way_to_move, where_and_why
 from surfuse.plan.scan_plan import PlanParameters, scan_plan, skipped_by_kind
-from surfuse.records import Outline
+from surfuse.records import Outline, SkippedStop
 
 COARSE = PlanParameters(step_m=0.04)
 
@@ -78,3 +78,8 @@ def test_stops_are_named_with_place_and_reason() -> None:
     words = where_and_why(plan.skipped, kind)
     assert words.startswith("u -")
     assert " mm, v " in words
+
+
+def test_a_reason_without_details_leaves_nothing_dangling():
+    skipped = [SkippedStop(0.06, 0.0, "out of the arm's reach"), SkippedStop(0.12, 0.06, "out of the arm's reach")]
+    assert where_and_why(skipped, "out of the arm's reach") == "u 60 to 120 mm, v 0 to 60 mm"

@@ -19,8 +19,17 @@ from surfuse.commands.acquire.dry_run import dry_run
 from surfuse.commands.machine.doctor import doctor
 from surfuse.commands.machine.starter import start
 from surfuse.commands.outcome import SilentWatcher
-from surfuse.errors import ConfigError, DeviceError, InterruptError, SafetyStopError, UnreachableError, UsageError
+from surfuse.errors import (
+    ConfigError,
+    DataError,
+    DeviceError,
+    InterruptError,
+    SafetyStopError,
+    UnreachableError,
+    UsageError,
+)
 from surfuse.exporters import nc
+from surfuse.records import Status
 from surfuse.rig.real.assembly import real_rig
 from surfuse.runs.log_reader import read_log
 from surfuse.settings import load
@@ -385,3 +394,24 @@ def test_a_bridge_that_is_a_program_of_the_folder_is_resumed_from_another_one(tm
     assert not acquire(settings, tmp_path / "run", Impatient(), yes=True).complete
     monkeypatch.chdir(tmp_path)
     assert resume(tmp_path / "run", SilentWatcher(), yes=True).complete
+
+
+def test_a_sensor_that_reports_only_faults_is_named(tmp_path):
+    rig = pretended.PretendedRig()
+    rig.status = Status.FAULT
+    with (
+        pretended.Served(rig) as served,
+        pytest.raises(DataError, match=r"none of its .* stops gave a value; 'us0' reported 'fault' in every reading"),
+    ):
+        acquire(load(cell(tmp_path, served.address)), tmp_path / "run", SilentWatcher(), yes=True)
+
+
+def test_a_clock_that_stands_still_ends_the_scan(tmp_path):
+    rig = pretended.PretendedRig()
+    rig.now_s = lambda: 7.0
+    with (
+        pretended.Served(rig) as served,
+        pytest.raises(SafetyStopError, match=r"clock of the bridge stands still: t_s = 7\.0.*; stamp each.*resume"),
+    ):
+        acquire(load(cell(tmp_path, served.address)), tmp_path / "run", SilentWatcher(), yes=True)
+    assert 0 < len(read_log(tmp_path / "run").sweeps) < 7

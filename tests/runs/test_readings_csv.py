@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -368,6 +369,9 @@ def test_all_no_echo_is_data_but_cannot_be_fused(tmp_path):
     with pytest.raises(DataError, match=r"none of the 24 readings is an echo \(24 without echo"):
         require_echoes(scan.readings, "readings.csv")
     require_echoes(read_readings_csv(folder(tmp_path, text(rows()))).readings, "readings.csv")
+    faults = replace(scan.readings, status=np.full(24, int(Status.FAULT)), range_m=np.full(24, np.nan))
+    with pytest.raises(DataError, match=r"24 faulty.*; '.*' reported 'fault' in every reading: check"):
+        require_echoes(faults, "readings.csv")
 
 
 def test_without_side_files_everything_assumed_is_told(tmp_path):

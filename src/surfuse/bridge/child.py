@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from typing import IO
 
 from surfuse.bridge.lines import LineBuffer
-from surfuse.bridge.strict_json import LINE_LIMIT_BYTES, cleaned
+from surfuse.bridge.strict_json import LINE_LIMIT_BYTES, cleaned, in_a_sentence
 from surfuse.bridge.transport import ClosedError, SilenceError, closed_by_bridge
 from surfuse.errors import ConfigError
 
@@ -202,11 +202,9 @@ class ChildTransport:
             return closed_by_bridge(self._buffer, self.name)
         self._threads[2].join(0.5)
         words = " | ".join(self._last_words)
-        said = f"; it said: {cleaned(words, 400)}" if words else ""
+        said = f"; it said: {in_a_sentence(words, 400)}" if words else ""
         ended = f"was ended by signal {-status}" if status < 0 else f"has ended with exit status {status}"
-        return ClosedError(
-            f"the bridge {ended}{said}", where=self.name, cure="start it by hand to see why, then resume"
-        )
+        return ClosedError(f"the bridge {ended}{said}", where=self.name, cure="start it by hand to see why")
 
     def _free_reader(self) -> None:
         """Let the reading threads end, one of which may wait for room."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
 from dataclasses import dataclass
 from types import TracebackType
@@ -15,6 +14,7 @@ from surfuse.bridge.askable import check_sensors, check_target, demand
 from surfuse.bridge.clock import ClockFindings, ClockWatch
 from surfuse.bridge.consistency import Consistency, Tolerances
 from surfuse.bridge.conversation import Conversation, Tally
+from surfuse.bridge.frozen_clock import FrozenClock
 from surfuse.bridge.messages import (
     Ability,
     Hello,
@@ -27,6 +27,7 @@ from surfuse.bridge.messages import (
 from surfuse.bridge.patience import Patience
 from surfuse.bridge.refusals import GarbledError
 from surfuse.bridge.transport import ClosedError, SilenceError, Transport
+from surfuse.bridge.unstopped import UNABLE, UNANSWERED, unanswered_move, unstopped
 from surfuse.errors import DeviceError, SurfuseError
 from surfuse.records import BoolArray, FloatArray
 
@@ -61,10 +62,11 @@ class BridgeClient:
         self, transport: Transport, patience: Patience = PATIENCE, tolerances: Tolerances = TOLERANCES
     ) -> None:
         self._watch = Consistency(tolerances, transport.name)
-        self._clock = ClockWatch(transport.name)
+        self._clock, self._frozen = ClockWatch(transport.name), FrozenClock(transport.name)
         self._line = Conversation(transport, patience, self._on_connection)
         self._hello: Hello | None = None
         self._unsure = False
+        self._under_way = False
         self._guided = False
         self._begun: tuple[str, int] | None = None
 
@@ -79,10 +81,11 @@ class BridgeClient:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if error is not None and self._hello is not None and self.can(Ability.STOP):
-            with contextlib.suppress(SurfuseError):
-                self.stop()
-        self._line.close()
+        try:
+            if error is not None and self._hello is not None:
+                self._stop_after(error)
+        finally:
+            self._line.close()
 
     @property
     def hello(self) -> Hello:
@@ -139,6 +142,7 @@ class BridgeClient:
             reached = self._sent(to)
         except (ClosedError, GarbledError, SilenceError) as lost:
             reached = self._after_lost_move(stood, to, lost)
+        self._frozen.moved()
         self._watch.check_times([reached.t_s])
         self._watch.check_arrival(to, reached)
         return reached
@@ -154,7 +158,9 @@ class BridgeClient:
         answer = self._line.ask(Question.SWEEP, fields, lambda got: answers.decode_sweep(got, asked))
         self._clock.asked(Question.SWEEP)
         readings = sorted(answer.readings, key=lambda reading: asked.index(reading.sensor))
-        self._watch.check_times([reading.t_s for reading in readings])
+        times_s = [reading.t_s for reading in readings]
+        self._watch.check_times(times_s)
+        self._frozen.take(times_s)
         return SweepAnswer(tuple(readings))
 
     def observe(self, sensors: tuple[str, ...] | None = None) -> Observation:
@@ -208,6 +214,7 @@ class BridgeClient:
         """Nothing that the last connection was told holds any more."""
         self._watch.new_connection()
         self._clock.new_connection()
+        self._frozen.new_connection()
         self._unsure = True
         if self._begun is not None:
             self._begin_again()
@@ -220,6 +227,8 @@ class BridgeClient:
     def _asked_state(self, question: Question) -> State:
         arm = self.hello.arm
         state = self._line.ask(question, {}, lambda got: self._timed(answers.decode_state(got, arm), question))
+        if question is Question.STOP:
+            self._under_way = False
         self._watch.check_times([state.t_s])
         return state
 
@@ -236,11 +245,32 @@ class BridgeClient:
     def _sent(self, to: MoveTo) -> State:
         arm = self.hello.arm
         self._line.ensure_connected()
-        return self._line.ask_once(
-            Question.MOVE,
-            questions.encode_move(to),
-            lambda got: self._timed(answers.decode_state(got, arm), Question.MOVE),
-        )
+        self._under_way = True
+        try:
+            reached = self._line.ask_once(
+                Question.MOVE,
+                questions.encode_move(to),
+                lambda got: self._timed(answers.decode_state(got, arm), Question.MOVE),
+            )
+        except (ClosedError, GarbledError, SilenceError):
+            raise
+        except SurfuseError:
+            self._under_way = False  # it was refused
+            raise
+        self._under_way = False
+        return reached
+
+    def _stop_after(self, error: BaseException) -> None:
+        """Stop the arm at an error; one that was under way and whose stop fails may still be moving, which is told."""
+        words = UNABLE
+        if self.can(Ability.STOP):
+            try:
+                self.stop()
+                return
+            except (SurfuseError, KeyboardInterrupt):
+                words = UNANSWERED
+        if self._under_way:
+            raise unstopped(error, words) from error
 
     def _after_lost_move(self, stood: State | None, to: MoveTo, lost: DeviceError) -> State:
         """Ask where the arm is before anything else, and stop it when it took too long.
@@ -249,15 +279,21 @@ class BridgeClient:
         """
         self._unsure = True
         too_long = isinstance(lost, SilenceError)
-        state = self._asked_state(Question.STOP if too_long and self.can(Ability.STOP) else Question.STATE)
+        question = Question.STOP if too_long and self.can(Ability.STOP) else Question.STATE
+        try:
+            state = self._asked_state(question)
+        except DeviceError as error:
+            self._under_way = False  # it is told here
+            raise unanswered_move(lost, error, question is Question.STOP) from error
         self._unsure = False
         if self._watch.arrived(to, state):
+            self._under_way = False
             return state
         if too_long:
             raise DeviceError(
                 f"{lost.what}, and the arm is not where it was sent",
                 where=lost.where,
-                cure="raise move_timeout_s if the arm is slow, then resume the run",
+                cure="raise move_timeout_s if the arm is slow",
             ) from lost
         if stood is not None:
             self._watch.check_on_way(stood, to, state)

@@ -153,7 +153,7 @@ class ClockWatch:
                 f"the clock of the bridge, which kept pace with this computer's, has gone {word} by {widest_s:.3f} s "
                 f"against it, at most {JUMP_LIMIT_S:g} s",
                 where=self._where,
-                cure="use a clock that only goes forward and is not set (time.monotonic), then resume the run",
+                cure="use a clock that only goes forward and is not set (time.monotonic)",
             )
 
     def _is_proven(self, known: _Bounds, since: set[Question]) -> bool:

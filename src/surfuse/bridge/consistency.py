@@ -11,7 +11,7 @@ from surfuse.bridge.messages import MoveTo, State
 from surfuse.errors import ConfigError, SafetyStopError
 from surfuse.records import FloatArray
 
-_CURE = "find out what moved the arm or what the bridge reports wrongly, then resume the run"
+_CURE = "find out what moved the arm or what the bridge reports wrongly"
 
 WAY_SHARE, WAY_SLACK_M, WAY_SLACK_RAD = 0.5, 0.05, 0.1
 """How far an arm may leave the straight way to its target: a share of the way, and what any move may take."""
@@ -73,7 +73,7 @@ class Consistency:
                 f"the clock of the bridge went back by {back_s:.6g} s (to t_s = {min(times_s):.6f}), "
                 f"at most {self._tolerances.time_tolerance_s:g} s",
                 where=self._where,
-                cure="use a clock that only goes forward (time.monotonic), then resume the run",
+                cure="use a clock that only goes forward (time.monotonic)",
             )
         self._latest_s = max(self._latest_s, *times_s)
 

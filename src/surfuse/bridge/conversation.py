@@ -13,8 +13,15 @@ from surfuse.bridge.fields import Fields
 from surfuse.bridge.messages import PROTOCOL_VERSION, Hello, Question
 from surfuse.bridge.patience import ASKED_AGAIN, Patience
 from surfuse.bridge.questions import encode_question
-from surfuse.bridge.refusals import GarbledError, RefusedError, error_of
-from surfuse.bridge.strict_json import IMAGE_LIMIT_BYTES, LINE_LIMIT_BYTES, Json, cleaned, decode_line, encode_line
+from surfuse.bridge.refusals import GarbledError, RefusedError, error_of, no_bridge
+from surfuse.bridge.strict_json import (
+    IMAGE_LIMIT_BYTES,
+    LINE_LIMIT_BYTES,
+    Json,
+    decode_line,
+    encode_line,
+    in_a_sentence,
+)
 from surfuse.bridge.transport import ClosedError, SilenceError, Transport
 from surfuse.errors import DataError, DeviceError
 
@@ -22,9 +29,9 @@ T = TypeVar("T")
 _NO_FIELDS: Mapping[str, Json] = {}
 _PAUSE_S = 0.05
 _PARTING_S = 0.5
-_CURE = "check that the bridge still runs, then resume"
+_CURE = "check that the bridge still runs"
 _CURES = {
-    Question.SWEEP: "check that the bridge still runs, then resume; where its sensors are slow, give their "
+    Question.SWEEP: "check that the bridge still runs; where its sensors are slow, give their "
     "firing_time_s, or a longer arm.sweep_timeout_s"
 }
 
@@ -56,6 +63,7 @@ class Conversation:
         self._number = 0
         self._connected = False
         self._lost: DeviceError | None = None
+        self._no_bridge: DeviceError | None = None
         self._hello: Hello | None = None
         self.sent_s = -math.inf
         self.tally = Tally()
@@ -103,6 +111,8 @@ class Conversation:
         give_up_s = time.monotonic() + self._patience.give_up_s
         attempts = self._patience.attempts if question in ASKED_AGAIN else 1
         while True:
+            if self._lost is not None:
+                raise self._lost
             try:
                 self._connect_if_needed(give_up_s)
                 return self.ask_once(question, fields, decode)
@@ -156,15 +166,24 @@ class Conversation:
         """The answer with this id; those to earlier questions, which came too late, are counted and passed over."""
         limit_bytes = IMAGE_LIMIT_BYTES if question is Question.IMAGE else LINE_LIMIT_BYTES
         while True:
-            answer = Fields(decode_line(self._transport.receive(deadline_s, limit_bytes)))
+            answer = self._fields_of(self._transport.receive(deadline_s, limit_bytes))
             if not answer.has("id") and answer.has("error"):
-                raise DataError(f"the bridge could not read it: {cleaned(answer.text('error'))}")
+                raise DataError(f"the bridge could not read it: {in_a_sentence(answer.text('error'))}")
             got = answer.whole("id")
             if got == number:
                 return answer
             if got > number:
                 raise DataError(f"it has the id {got}, asked was {number}", cure="send back the id of the question")
             self.tally.stale_answers += 1
+
+    def _fields_of(self, line: bytes) -> Fields:
+        """The fields of an answer; a first line that is none may be another program's, which is told at the end."""
+        try:
+            return Fields(decode_line(line))
+        except DataError:
+            if self._hello is None and self._no_bridge is None and self._transport.can_reopen:
+                self._no_bridge = no_bridge(line, self.where)
+            raise
 
     def ensure_connected(self) -> None:
         """Connect again if the line has broken.
@@ -189,7 +208,10 @@ class Conversation:
             except (ClosedError, RefusedError, SilenceError) as error:
                 self._hang_up()
                 if not self._transport.can_reopen or time.monotonic() + _PAUSE_S >= give_up_s:
-                    raise self._given_up(error) from None
+                    raise self._given_up(self._no_bridge or error) from None
+            except GarbledError as error:
+                self._hang_up()
+                raise (self._no_bridge or error) from None
             except BaseException:
                 self._hang_up()
                 raise
@@ -213,7 +235,7 @@ class Conversation:
                 where=self.where,
                 cure="start the bridge that the scan began with",
             )
-        self._hello, self._connected = hello, True
+        self._hello, self._connected, self._no_bridge = hello, True, None
         if known is not None:
             self.tally.reconnections += 1
             self._on_connection()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from surfuse.bridge.fields import Fields
 from surfuse.bridge.messages import Question, Refusal
-from surfuse.bridge.strict_json import Json, cleaned
+from surfuse.bridge.strict_json import Json, cleaned, in_a_sentence, shown
 from surfuse.errors import (
     ConfigError,
     DataError,
@@ -27,6 +27,15 @@ class GarbledError(DeviceError):
     """An answer that makes no sense."""
 
 
+def no_bridge(line: bytes, where: str) -> DeviceError:
+    """Another program answers where the bridge was looked for, with this line."""
+    return DeviceError(
+        f"what answers there is no bridge: it said {shown(line)}",
+        where=where,
+        cure="check the port: something else listens there; start the bridge on a port of its own",
+    )
+
+
 def error_of(answer: Fields, question: Question, where: str) -> SurfuseError:
     """The error that a refusal stands for, with the cleaned words of the bridge.
 
@@ -35,17 +44,17 @@ def error_of(answer: Fields, question: Question, where: str) -> SurfuseError:
     DataError : the refusal itself does not follow the protocol.
     """
     kind = answer.word("kind", _REFUSALS)
-    said = cleaned(answer.text("error"), _LONGEST_TEXT) or "no reason given"
+    said = in_a_sentence(answer.text("error"), _LONGEST_TEXT) or "no reason given"
     what = f"the bridge refuses '{question.value}': {said}"
     match kind:
         case Refusal.UNREACHABLE:
             return UnreachableError(what, where=where, cure="move the area nearer to the arm")
         case Refusal.SAFETY:
-            return SafetyStopError(what, where=where, cure="clear the cause at the robot, then resume the run")
+            return SafetyStopError(what, where=where, cure="clear the cause at the robot")
         case Refusal.USAGE:
             return RefusedError(what, where=where, cure="compare the bridge with the protocol")
         case Refusal.DEVICE:
-            return RefusedError(what, where=where, cure="check the device behind the bridge, then resume the run")
+            return RefusedError(what, where=where, cure="check the device behind the bridge")
 
 
 def refusal_of(error: SurfuseError) -> dict[str, Json]:

@@ -31,6 +31,12 @@ def cleaned(text: str, limit: int = 200) -> str:
     return words if len(words) <= limit and len(text) <= 4 * limit else words[: limit - 3] + "..."
 
 
+def in_a_sentence(text: str, limit: int = 200) -> str:
+    """The same without the full stop at its end: words of ours follow."""
+    words = cleaned(text, limit)
+    return words if words.endswith("...") else words.rstrip(" .")
+
+
 def shown(line: bytes) -> str:
     """The beginning of a line, for an error message."""
     return "'" + cleaned(line[: 4 * _SHOWN_BYTES].decode("utf-8", "replace"), _SHOWN_BYTES) + "'"

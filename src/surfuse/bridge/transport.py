@@ -166,7 +166,7 @@ def closed_by_bridge(buffer: LineBuffer, name: str) -> ClosedError:
     """The end of the line, perhaps in the middle of an answer."""
     rest = len(buffer.unfinished)
     middle = f" in the middle of an answer, after {rest} bytes" if rest else ""
-    return ClosedError(f"the bridge has closed the line{middle}", where=name, cure="start it again, then resume")
+    return ClosedError(f"the bridge has closed the line{middle}", where=name, cure="start it again")
 
 
 def _left_s(deadline_s: float) -> float:

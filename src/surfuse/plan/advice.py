@@ -20,14 +20,15 @@ _SHIFT_M, _TURN_RAD = 0.10, float(np.radians(15.0))  # moves that are as much tr
 
 
 def where_and_why(skipped: Sequence[SkippedStop], kind: str) -> str:
-    """Stops of one kind in words: where they lie on the part, and the reason of the first one.
+    """Stops of one kind in words: where they lie on the part, and the reason of the first one if it has one.
 
     `kind` is the beginning of the reasons, up to the colon.
     """
     those = [stop for stop in skipped if stop.reason.split(":")[0] == kind]
     u, v = 1e3 * np.array([stop.u_m for stop in those]), 1e3 * np.array([stop.v_m for stop in those])
     why = those[0].reason.partition(": ")[2]
-    return f"u {u.min():.0f} to {u.max():.0f} mm, v {v.min():.0f} to {v.max():.0f} mm; {why}"
+    where = f"u {u.min():.0f} to {u.max():.0f} mm, v {v.min():.0f} to {v.max():.0f} mm"
+    return f"{where}; {why}" if why else where
 
 
 @dataclass(frozen=True)

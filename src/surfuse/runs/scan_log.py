@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,15 +61,33 @@ class AssumedSensor:
 _FEW = 0.5
 
 
-def few_echoes(status: IntArray) -> str | None:
-    """A sentence about readings with these statuses (N,) when less than half of them are echoes; None otherwise."""
+def faulty_sensors(status: IntArray, sensor: IntArray, names: Sequence[str]) -> tuple[str, ...]:
+    """Names of the sensors all of whose readings, with these statuses and sensors (N,), are faults."""
+    return tuple(
+        name
+        for number, name in enumerate(names)
+        if np.any(sensor == number) and np.all(status[sensor == number] == int(Status.FAULT))
+    )
+
+
+def look_at(faulty: Sequence[str]) -> str:
+    """The cure for sensors that report nothing but faults."""
+    listed = ", ".join(f"'{name}'" for name in faulty)
+    return f"{listed} reported 'fault' in every reading: check its supply, its wiring and its program"
+
+
+def few_echoes(status: IntArray, faulty: Sequence[str] = ()) -> str | None:
+    """A sentence about readings with these statuses (N,) when less than half of them are echoes; None otherwise.
+
+    `faulty` are the sensors that report nothing but faults: they are the cause to look at first.
+    """
     heard = int(np.count_nonzero(status == int(Status.OK)))
     if heard >= _FEW * len(status):
         return None
+    usual = "what was heard may not be the part; check the distance, the sensors' nearest range and how the part stands"
     return (
         f"only {heard} of {len(status)} readings are echoes ({100.0 * heard / len(status):.0f} %, at least 50 % are "
-        "usual): what was heard may not be the part; check the distance, the sensors' nearest range and how the part "
-        "stands"
+        f"usual): {look_at(faulty) if faulty else usual}"
     )
 
 
@@ -83,8 +102,10 @@ def require_echoes(readings: Readings, where: str) -> None:
         return
     kinds = ((Status.NO_ECHO, "without echo"), (Status.TOO_CLOSE, "too close"), (Status.FAULT, "faulty"))
     counts = [f"{int(np.sum(readings.status == int(status)))} {words}" for status, words in kinds]
+    names = [spec.name for spec in readings.specs]
+    broken = faulty_sensors(readings.status, readings.sensor, names)
     raise DataError(
         f"none of the {len(readings.t_s)} readings is an echo ({', '.join(counts)}), so there is nothing to fuse",
         where=where,
-        cure="check the sensors, their range limits and the distance to the part",
+        cure=look_at(broken) if broken else "check the sensors, their range limits and the distance to the part",
     )

@@ -18,11 +18,29 @@ MAX_DEPTH = 16
 _DECIMAL_COMMA = re.compile(rb"(?m)^[^#\n\[]*=[ \t]*(-?\d+,\d+)[ \t]*(?:#.*)?\r?$")
 _LONG_KEY = re.compile(rb"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % MAX_DEPTH)
 
+_HEADER = re.compile(r"\s*\[{1,2}\s*([\w.-]+)\s*\]")
+_LISTED = ("sensor",)  # tables of which a file may hold several
+
 Table = Mapping[str, object]
 
 
 def _with_point(number: bytes) -> str:
     return number.decode("ascii").replace(",", ".")
+
+
+def _cure_of(error: str, content: bytes) -> str:
+    """What to do about an error of the parser."""
+    comma = _DECIMAL_COMMA.search(content)
+    if comma is not None:
+        return f"write numbers with a point: {_with_point(comma[1])}"
+    if error.startswith(("Cannot declare", "Cannot overwrite")):
+        lines = content.decode("utf-8-sig").rstrip().split("\n")
+        place = re.search(r"line (\d+)", error)
+        header = _HEADER.match(lines[int(place[1]) - 1 if place else -1])
+        if header is not None:
+            name = header[1]
+            return f"write [[{name}]] for each" if name in _LISTED else f"write one [{name}] table"
+    return "correct that line"
 
 
 def parse_toml(content: bytes, where: str) -> dict[str, object]:
@@ -44,9 +62,7 @@ def parse_toml(content: bytes, where: str) -> dict[str, object]:
     except UnicodeDecodeError as error:
         raise ConfigError(f"byte {error.start} is not UTF-8", where=where, cure="save the file as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
-        comma = _DECIMAL_COMMA.search(content)
-        cure = "correct that line" if comma is None else f"write numbers with a point: {_with_point(comma[1])}"
-        raise ConfigError(f"not valid TOML: {error}", where=where, cure=cure) from error
+        raise ConfigError(f"not valid TOML: {error}", where=where, cure=_cure_of(str(error), content)) from error
     except RecursionError as error:
         raise ConfigError("the file is nested too deep", where=where, cure="give plain tables") from error
     _check(tables, where, ())

@@ -135,15 +135,18 @@ def _complete(run: RunFolder) -> Outcome:
 def _resumable(run: RunFolder) -> Iterator[None]:
     """Say how to go on when the user stops the acquisition at once, or a device or the arm's supervision does."""
     go_on = f"go on with 'surfuse resume {run.path}'"
+
+    def on_disk() -> str:
+        return "what was scanned is on disk, " if read_progress(run.path) is not None else ""
+
     try:
         yield
     except KeyboardInterrupt as error:
         raise InterruptError("interrupted; what was scanned is on disk", cure=go_on) from error
     except InterruptError as error:
-        raise InterruptError(error.what, cure=go_on) from error
+        raise InterruptError(error.what, cure=on_disk() + go_on) from error
     except (SafetyStopError, DeviceError) as error:
-        kept = f"what was scanned is on disk, {go_on}" if read_progress(run.path) is not None else f"then {go_on}"
-        cure = f"{error.cure}; {kept}"
+        cure = f"{error.cure}; {on_disk() or 'then '}{go_on}"
         raise type(error)(error.what, cure=cure.removeprefix("; "), where=error.where) from error
 
 
@@ -176,11 +179,12 @@ def _acquire(run: RunFolder, job: Job, warm_up: Popen[bytes] | None) -> Finished
             log.append_event(trouble)
         complete = walked.complete(plan)
         refuse_empty(walked)
+        sweeps = walked.in_order()
         if complete:
-            for doubt in doubts_of_readings(rig.specs, walked.in_order()):
+            for doubt in doubts_of_readings(rig.specs, sweeps):
                 _tell(rig, log, watcher, "readings", doubt)
             wait_for(warm_up, watcher)
-    return finish(run, job, Scanned(walked.state, scene, plan, walked.in_order(), complete))
+    return finish(run, job, Scanned(walked.state, scene, plan, sweeps, complete))
 
 
 def _begin(progress: ScanProgress | None, job: Job, log: LogWriter) -> tuple[FusionScene, ScanPlan, tuple[Sweep, ...]]:

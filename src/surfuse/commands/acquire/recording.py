@@ -102,7 +102,7 @@ def _write_settings(run: RunFolder, settings: Settings) -> None:
 @contextmanager
 def _kept(run: RunFolder) -> Iterator[None]:
     """Say where the readings are when the recording ends with an error."""
-    cure = f"what was recorded is on disk, make its map with 'surfuse fuse {run.path}'"
+    cure = f"what was recorded is on disk, make its map with 'surfuse fuse {run.path}', or start another recording"
     try:
         yield
     except KeyboardInterrupt as error:

@@ -25,7 +25,7 @@ from surfuse.rig.devices import Rig, Truth
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
 from surfuse.runs.odd_sensors import HeardOfSensors
-from surfuse.runs.scan_log import few_echoes
+from surfuse.runs.scan_log import faulty_sensors, few_echoes, look_at
 from surfuse.settings import Settings
 from surfuse.surface.gridding import lattice
 from surfuse.surface.score import score
@@ -104,7 +104,9 @@ def finish(run: RunFolder, job: Job, scanned: Scanned) -> Finished:
         raise DataError(
             f"the scan is complete, but none of its {len(sweeps)} stops gave a value",
             where=str(run.path),
-            cure="the report says why; check scan.standoff_m, the kit's settings and how the part stands",
+            cure=look_at(faulty(job.rig.specs, sweeps))
+            if broken
+            else "the report says why; check scan.standoff_m, the kit's settings and how the part stands",
         )
     return Finished(data, rows, complete=True)
 
@@ -148,8 +150,18 @@ def doubts_of_readings(specs: Sequence[SensorSpec], sweeps: Sequence[Sweep]) -> 
     heard = HeardOfSensors(specs)
     for sweep in sweeps:
         heard.take(sweep)
-    few = few_echoes(np.concatenate([sweep.status for sweep in sweeps])) if sweeps else None
+    few = few_echoes(_column(sweeps, "status"), faulty(specs, sweeps)) if sweeps else None
     return (*([] if few is None else [few]), *heard.sentences())
+
+
+def faulty(specs: Sequence[SensorSpec], sweeps: Sequence[Sweep]) -> tuple[str, ...]:
+    """Names of the sensors that reported nothing but faults."""
+    return faulty_sensors(_column(sweeps, "status"), _column(sweeps, "sensor"), [spec.name for spec in specs])
+
+
+def _column(sweeps: Sequence[Sweep], name: str) -> IntArray:
+    """One column (N,) of all readings."""
+    return np.concatenate([getattr(sweep, name) for sweep in sweeps]) if sweeps else np.zeros(0, dtype=np.int64)
 
 
 def _margin_row(settings: Settings, scene: FusionScene, plan: ScanPlan) -> list[tuple[str, str]]:

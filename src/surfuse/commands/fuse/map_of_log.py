@@ -13,7 +13,7 @@ from surfuse.geometry.poses import inverse, transform_points
 from surfuse.interfaces import FusionMethod
 from surfuse.records import FusionResult, MapGrid, Status, SurfaceMap
 from surfuse.runs.odd_sensors import odd_sensors
-from surfuse.runs.scan_log import ScanLog, few_echoes, require_echoes
+from surfuse.runs.scan_log import ScanLog, faulty_sensors, few_echoes, require_echoes
 from surfuse.runs.scan_source import LogSource
 from surfuse.surface.gridding import lattice
 from surfuse.surface.resample import thinned
@@ -51,8 +51,10 @@ def opened(source: LogSource, watcher: Watcher) -> ScanLog:
     """A log that can be fused; what was odd about it is told."""
     scan = source.load()
     require_echoes(scan.readings, str(source.log))
-    few = few_echoes(scan.readings.status)
-    odd = (*([] if few is None else [few]), *odd_sensors(scan.readings))
+    readings = scan.readings
+    names = [spec.name for spec in readings.specs]
+    few = few_echoes(readings.status, faulty_sensors(readings.status, readings.sensor, names))
+    odd = (*([] if few is None else [few]), *odd_sensors(readings))
     scan = replace(scan, warnings=(*scan.warnings, *odd))
     for warning in scan.warnings:
         watcher.warn(warning)
