@@ -88,7 +88,7 @@ def test_the_reference_names_every_limit_as_it_is():
                 assert f"`{field.name}`" in REFERENCE
     assert "4.5 s (`give_up_s`)" in REFERENCE
     assert Patience().give_up_s == 4.5
-    assert (Patience().answer_timeout_s, Patience().sweep_timeout_s, Patience().move_timeout_s) == (2.0, 10.0, 60.0)
+    assert (Patience().answer_timeout_s, Patience().sweep_timeout_s, Patience().move_timeout_s) == (2.0, 4.0, 60.0)
     assert (Tolerances().position_tolerance_m, Tolerances().angle_tolerance_rad) == (0.005, 0.03)
     cell = Parameters(address="tcp://127.0.0.1:5005")
     assert cell.tolerances() == Tolerances()

@@ -58,7 +58,7 @@ def plate_log(flat_run):
         ("coverage missing --truth LOG", 3, ["no such file"]),
         ("calibrat", 2, ["did you mean 'calibrate'"]),
         ("banana", 2, ["valid: accept", "calibrate"]),
-        ("calibrate banana", 2, ["'calibrate banana'", "camera, pictures, sensor, shoulder"]),
+        ("calibrate banana", 2, ["'calibrate banana'", "camera, hand-eye, pictures, sensor, shoulder"]),
         ("calibrate sensr", 2, ["did you mean 'sensor'"]),
         ("calibrate camera", 2, ["surfuse calibrate camera --help"]),
         ("calibrate shoulder missing.csv --corner 0,0,0 --out x.toml", 3, ["(No such file or directory)"]),

@@ -29,7 +29,9 @@ def map_of_every_kind(
 ) -> SurfaceMap:  # fmt: skip
     """The map of all readings; those of one kind of sensor alone go their own way."""
     lit = np.array([spec.along_axis for spec in readings.specs], dtype=np.bool_)[readings.sensor]
-    if not np.any(lit):
+    # A measured lateness on tilt belongs to the model of the echo, also that of a sensor of light.
+    late = any(spec.late is not None for spec in readings.specs if spec.along_axis)
+    if not np.any(lit) or late:
         return estimate_map(scene, readings, grid, detector, edge)
     seen = light_map(scene, readings.select(np.flatnonzero(lit)), grid, detector, edge)
     if np.all(lit):

@@ -20,7 +20,7 @@ from surfuse.commands.outcome import Outcome, finite
 from surfuse.errors import DataError
 from surfuse.exporters import nc
 from surfuse.plan.margin import margin_in_words
-from surfuse.records import FusionScene, Gap, Outline, ScanPlan, SensorSpec, SurfaceMap, Sweep
+from surfuse.records import FusionScene, Gap, IntArray, Outline, ScanPlan, SensorSpec, SurfaceMap, Sweep
 from surfuse.rig.devices import Rig, Truth
 from surfuse.runs.folder import RunFolder
 from surfuse.runs.log_records import Level, LogEvent
@@ -101,10 +101,11 @@ def finish(run: RunFolder, job: Job, scanned: Scanned) -> Finished:
     ]
     _write(run, job, data)
     if not surface.mask.any():
+        broken = faulty(job.rig.specs, sweeps)
         raise DataError(
             f"the scan is complete, but none of its {len(sweeps)} stops gave a value",
             where=str(run.path),
-            cure=look_at(faulty(job.rig.specs, sweeps))
+            cure=look_at(broken)
             if broken
             else "the report says why; check scan.standoff_m, the kit's settings and how the part stands",
         )
