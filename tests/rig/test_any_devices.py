@@ -82,7 +82,7 @@ def test_a_gantry_probes_a_plate(tmp_path, dialect):
             "feed_mm_min = 3000.0",
             f'[[sensor]]\nname = "tip"\ndriver = "gcode_probe"\n{line}probe_feed_mm_min = 3000.0',
             "[area]\norigin_m = [0.1, 0.1, 0.05]\nu = [1.0, 0.0, 0.0]\nv = [0.0, 1.0, 0.0]",
-            "width_m = 0.04\nheight_m = 0.02\ntallest_m = 0.05",
+            "width_m = 0.04\nheight_m = 0.02\ntallest_m = 0.01",
             '[scan]\nstep_m = 0.02\nstandoff_m = 0.04\nmargin_m = 0.0\n[fusion]\nmethod = "median"',
         )
         assert acquire(load(path), tmp_path / "run", SilentWatcher(), yes=True).complete
