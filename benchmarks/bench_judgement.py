@@ -33,6 +33,7 @@ from surfuse.records import Regime, SurfaceMap
 from surfuse.runs.scan_source import load_scan
 from surfuse.settings import load
 from surfuse.surface.dense_score import dense_score, dense_truth_of_mesh
+from surfuse.surface.resample import thinned
 from surfuse.surface.score import error_map, score
 from surfuse.surface.truth import read_truth_mesh, truth_around
 
@@ -276,7 +277,9 @@ def picture(path: Path, names: tuple[str, ...], keep: Path | None, of: str) -> N
         scene = parts[name]
         log = scan(scene, "optics", "tube", "low", SEEDS[of][0], keep)
         settings, grid = load(None, ()), grid_of(log)
-        ours, theirs = (fused(log, create_method(settings.fusion, m), grid)[1] for m in ("beam", "weighted_average"))
+        ours, theirs = (
+            thinned(fused(log, create_method(settings.fusion, m), grid)[1], grid) for m in ("beam", "weighted_average")
+        )
         along_v = bool(np.ptp(scene.height(0.0 * LINE, LINE)) > np.ptp(scene.height(LINE, 0.0 * LINE)))
         position = 1e3 * (grid.v_m if along_v else grid.u_m)
         at = (slice(None), len(grid.u_m) // 2) if along_v else (len(grid.v_m) // 2, slice(None))
