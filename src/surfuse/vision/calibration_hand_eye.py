@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from surfuse.errors import DataError
 from surfuse.geometry.poses import inverse, pose, transform_points
 from surfuse.records import CameraModel, FloatArray
-from surfuse.vision.calibration_target import Target, TargetView
+from surfuse.vision.calibration_target import Target, TargetView, camera_from_target
 from surfuse.vision.rays import pixels_of
 
 
@@ -71,7 +71,7 @@ def calibrate_hand_eye(
     chosen = parameters or HandEyeParameters()
     carriers = inverse(world_from_tool) if fixed else world_from_tool
     _check_views(len(views), carriers, chosen)
-    seen = np.array([_camera_from_target(camera, target, view) for view in views])
+    seen = np.array([camera_from_target(camera, target, view) for view in views])
     start = _closed_form(carriers, seen)
     board = carriers[0] @ start @ seen[0]
 
@@ -132,14 +132,6 @@ def _check_result(result: HandEye, views: tuple[TargetView, ...], chosen: HandEy
             f"{1e3 * chosen.position_sigma_max_m:g} mm)",
             cure="use a larger or nearer board, more views, and larger turns",
         )
-
-
-def _camera_from_target(camera: CameraModel, target: Target, view: TargetView) -> FloatArray:
-    points = target.points()[view.numbers]
-    done, turn, place = cv2.solvePnP(points, view.corners_px, camera.matrix, np.array(camera.distortion))
-    if not done:
-        raise DataError("the target's pose cannot be found", cure="remove the picture", where=view.name)
-    return pose(cv2.Rodrigues(turn)[0], np.ravel(place))
 
 
 def _closed_form(carriers: FloatArray, seen: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from surfuse.errors import ConfigError, DataError
 from surfuse.geometry.poses import inverse, pose, rotation_about, transform_points
 from surfuse.records import CameraModel, FloatArray
-from surfuse.vision.calibration_target import Target, TargetView
+from surfuse.vision.calibration_target import Target, TargetView, camera_from_target
 
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -78,7 +78,7 @@ def calibrate_shoulder_camera(
     """
     chosen = parameters or ShoulderParameters()
     _check_views(len(views), joint1_rad, chosen)
-    seen = np.array([_camera_from_target(camera, target, view) for view in views])
+    seen = np.array([camera_from_target(camera, target, view) for view in views])
     corner = target.points()[0]
     start, board = _closed_form(seen, joint1_rad, corner, first_corner_m)
     turns = np.array([pose(rotation_about(_UP, angle), np.zeros(3)) for angle in joint1_rad])
@@ -147,14 +147,6 @@ def _check_result(result: ShoulderCamera, views: tuple[TargetView, ...], chosen:
             f"{1e3 * chosen.position_sigma_max_m:g} mm)",
             cure="use a larger or nearer board, and a larger turn",
         )
-
-
-def _camera_from_target(camera: CameraModel, target: Target, view: TargetView) -> FloatArray:
-    points = target.points()[view.numbers]
-    done, turn, place = cv2.solvePnP(points, view.corners_px, camera.matrix, np.array(camera.distortion))
-    if not done:
-        raise DataError("the target's pose cannot be found", cure="remove the picture", where=view.name)
-    return pose(cv2.Rodrigues(turn)[0], np.ravel(place))
 
 
 def _closed_form(

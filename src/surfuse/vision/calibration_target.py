@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from surfuse.errors import ConfigError, nearest
-from surfuse.records import ByteArray, FloatArray, IntArray
+from surfuse.errors import ConfigError, DataError, nearest
+from surfuse.geometry.poses import pose
+from surfuse.records import ByteArray, CameraModel, FloatArray, IntArray
 
 Pattern = Literal["checkerboard", "charuco"]
 PATTERNS: tuple[Pattern, ...] = get_args(Pattern)
@@ -94,6 +95,20 @@ def look_for(target: Target, image: ByteArray, name: str) -> TargetView | NotSee
         return NotSeen(name, f"no {target.pattern} of {target.columns} x {target.rows} squares found")
     corners, numbers = found
     return TargetView(name, corners, numbers, _edge_width(image, target, corners, numbers))
+
+
+def camera_from_target(camera: CameraModel, target: Target, view: TargetView) -> FloatArray:
+    """Pose (4, 4) of a target in the camera that sees it.
+
+    Raises
+    ------
+    DataError : no pose puts the target's corners where they were seen.
+    """
+    points = target.points()[view.numbers]
+    done, turn, place = cv2.solvePnP(points, view.corners_px, camera.matrix, np.array(camera.distortion))
+    if not done:
+        raise DataError("the target's pose cannot be found", cure="remove the picture", where=view.name)
+    return pose(cv2.Rodrigues(turn)[0], np.ravel(place))
 
 
 def _corners(target: Target, image: ByteArray) -> tuple[FloatArray, IntArray] | None:

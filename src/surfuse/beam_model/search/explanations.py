@@ -41,17 +41,16 @@ def surfels_of(p: Estimation) -> Surfels:
 class Effort:
     """Which explanations are tried: priors from each start, how many get their edges moved, other priors at the end.
 
-    `points`, `plane`, `quadric`, `tilt`, `carving` and `terraces` are pairs of densities (second, third; see
-    `Stiffness`) that are tried from a start of that name. The edges of the `settled` best explanations are moved;
-    `again` are pairs tried from the best one. `fine` says whether a raster of half the cell size follows.
+    `points`, `plane`, `quadric`, `tilt` are pairs of densities (second, third; see `Stiffness`) that are tried from a
+    start of that name; from the end of the free space those of `points`, from parallel levels those of `plane`. The
+    edges of the `settled` best explanations are moved; `again` are pairs tried from the best one. `fine` says whether a
+    raster of half the cell size follows.
     """
 
     points: tuple[tuple[float, float], ...] = DENSITIES
     plane: tuple[tuple[float, float], ...] = (FLAT, PLAIN, SOFT, FREE)
     quadric: tuple[tuple[float, float], ...] = (SOFT, FREE, WAVY, ROUND)
     tilt: tuple[tuple[float, float], ...] = (FLAT, PLAIN, SOFT, FREE)
-    carving: tuple[tuple[float, float], ...] = (FLAT, PLAIN, FREE, WAVY)
-    terraces: tuple[tuple[float, float], ...] = (FLAT, PLAIN)
     settled: int = 3
     again: tuple[tuple[float, float], ...] = DENSITIES
     fine: bool = True
@@ -59,7 +58,7 @@ class Effort:
 
 FULL = Effort()
 # For parts of many tiles: the same ideas with fewer priors.
-LEAN = Effort((FLAT, PLAIN, FREE), (FLAT,), (WAVY,), (FLAT,), (FLAT, FREE), (FLAT,), 1, (), False)
+LEAN = Effort((FLAT, PLAIN, FREE), (FLAT,), (WAVY,), (FLAT,), 1, (), False)
 
 
 def explore(p: Estimation, edge: float, effort: Effort = FULL) -> list[Solution]:
