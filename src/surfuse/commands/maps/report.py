@@ -20,7 +20,7 @@ from surfuse.errors import DataError, SurfuseError
 from surfuse.exporters import nc
 from surfuse.geometry.sensor_array import tool_from_grip
 from surfuse.plan.margin import margin_in_words
-from surfuse.records import FloatArray, FusionScene, Readings, Score, SurfaceMap
+from surfuse.records import FloatArray, FusionScene, MapGrid, Readings, Score, SurfaceMap
 from surfuse.report.content import (
     KeyFigure,
     NamedMap,
@@ -46,6 +46,7 @@ from surfuse.runs.recorded_log import is_recorded
 from surfuse.runs.scan_log import ScanLog
 from surfuse.runs.scan_source import own_scan, source_of_table
 from surfuse.settings import FusionSettings, Settings, from_tree
+from surfuse.surface.resample import resampled, thinned
 from surfuse.surface.score import score
 from surfuse.surface.splines import spline_surface
 from surfuse.surface.truth import read_truth_mesh, truth_around
@@ -238,7 +239,19 @@ def _rival(
         # What one method can fuse another may not; the report is about the first.
         return None
     found = surface_of(result, surface.grid, method.name, scene.outline)
-    return found if found.mask.any() else None
+    if not found.mask.any():
+        return None
+    return found if result.surface is not None else _between_its_points(found)
+
+
+def _between_its_points(found: SurfaceMap) -> SurfaceMap:
+    """The map of a method that works stop by stop, interpolated where the grid is finer than its stops."""
+    grid, (row, column) = found.grid, np.nonzero(found.mask)
+    apart = [int(np.gcd.reduce(np.diff(np.unique(index)))) if np.ptp(index) else 1 for index in (row, column)]
+    if max(apart) <= 1:
+        return found
+    own = MapGrid(grid.u_m[column.min() :: apart[1]], grid.v_m[row.min() :: apart[0]], grid.world_from_part)
+    return resampled(thinned(found, own), grid)
 
 
 def _scores(run: RunFolder, maps: list[SurfaceMap]) -> tuple[ScoreRow, ...]:
